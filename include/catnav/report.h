@@ -1,0 +1,108 @@
+/* report.h - the verdict ("is it allowed?") and the figures of a run; design contract sections 7 and 10. */
+#ifndef CN_REPORT_H
+#define CN_REPORT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include "catnav/scene.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* name, report status, exit code of the command. A zeroed verdict is unknown: it cannot pass for success. */
+#define CN_VERDICT_LIST(X)                                                                                    \
+    X(UNKNOWN, "failed", 4)                                                                                   \
+    X(REACHED, "reached", 0)                                                                                  \
+    X(RAN, "ran", 0)                                                                                          \
+    X(BAD_INPUT, "bad_input", 1)                                                                              \
+    X(NO_ARTERY, "bad_input", 1)                                                                              \
+    X(NO_CONTACT_FREE_START, "infeasible", 2)                                                                 \
+    X(NO_PATH, "infeasible", 2)                                                                               \
+    X(LIMIT_BROKEN, "infeasible", 2)                                                                          \
+    X(TIMEOUT, "time_limit", 3)                                                                               \
+    X(NUMERICS, "failed", 4)                                                                                  \
+    X(CANCELLED, "interrupted", 130)                                                                          \
+    X(BUSY, "failed", 4)
+#define CN_VERDICT_ENUM(name, status, exit) CN_VERDICT_##name,
+typedef enum { CN_VERDICT_LIST(CN_VERDICT_ENUM) CN_VERDICT_COUNT } cn_verdict_code;
+const char *cn_verdict_name(int code);   /* "REACHED" ...; never NULL */
+const char *cn_verdict_status(int code); /* "reached" ... */
+int cn_verdict_exit(int code);
+
+typedef struct {
+    cn_verdict_code code;
+    char message[768];
+    bool has_quantity;
+    cn_quantity quantity; /* what was broken */
+    double value, limit;  /* NAN: undefined */
+    char body[64];
+    int element;          /* -1: none */
+    double position[3];   /* [m]; NAN: none */
+    int step;             /* -1: before the first */
+    double time;          /* simulated [s] */
+    int waypoint;         /* last one reached, -1: none */
+} cn_verdict;
+
+typedef struct { double median, p95, max; } cn_spread; /* NAN when empty */
+
+typedef struct {
+    char body[64];
+    cn_limit limit;
+    double worst;
+    int step, element;
+    double time, position[3];
+} cn_limit_report;
+
+typedef struct {
+    char name[64];
+    cn_body_model model;
+    double tip[3], goal[3], goal_distance, com[3];
+    double rest_volume, volume, energy, kinetic, momentum[3], angular_momentum[3];
+    double error_bending, error_torsion, error_axial; /* stiffness ratio minus one, NAN: no beam */
+    double polygon_bending, polygon_torsion, polygon_axial;
+} cn_body_report;
+
+typedef struct {
+    const char *what; /* the leave_out key */
+    char why[128];
+    double time_saved_s, error; /* NAN: not measured */
+} cn_left_out;
+
+typedef struct {
+    char scene[128];
+    unsigned seed;
+    int threads;
+    bool reproducible;
+    cn_verdict verdict;
+    struct { int nodes, dof, tets, rigid_nodes, deformable_nodes, wall_triangles; } counts;
+    struct {
+        double map_s, planning_s, simulation_s, collision_s, wall_s, simulated_s, real_time_factor;
+        cn_spread fem_ms, collision_ms, step_ms, step_ms_last100;
+    } time;
+    int steps, rejected_steps, replans;
+    struct { double gap_min; long intersections, outside_nodes; double force_max; } contact; /* gap NAN: no walls */
+    struct { double force_max, work; } drive;
+    int nlimit;
+    cn_limit_report *limit;
+    struct { int newton_max, linear_max; double residual_max; int inverted_max; } solver;
+    int nbody;
+    cn_body_report *body;
+    int nleft_out;
+    cn_left_out left_out[8];
+    struct { double length, clearance_min, turn_max; } path; /* of the last plan; NAN: none */
+    size_t memory_peak_bytes;
+} cn_report;
+
+void cn_report_clear(cn_report *report); /* frees what it owns, zeroes */
+/* The report as JSON text (malloc'd), NULL when out of memory. Non-finite figures are null, never absent. */
+char *cn_report_json(const cn_report *report);
+/* Writes it to PATH by way of a temporary file and rename: never half-written. */
+cn_status cn_report_write(const cn_report *report, const char *path, cn_error *error);
+cn_spread cn_spread_of(int n, double *samples); /* sorts samples in place */
+size_t cn_memory_peak(void);                    /* VmHWM of this process */
+
+#ifdef __cplusplus
+}
+#endif
+#endif

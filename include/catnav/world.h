@@ -1,0 +1,83 @@
+/* world.h - what does not depend on the request: checked walls with their trees, and the map of the free
+ * space. Built once per scene and mesh, then const: threads share it. */
+#ifndef CN_WORLD_H
+#define CN_WORLD_H
+
+#include <stdbool.h>
+#include "catnav/mesh.h"
+#include "catnav/scene.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct cn_tree;   /* AABB tree over triangles: src/core/tree.h */
+struct cn_octree; /* pruned octree of the free space: include/catnav/octree.h */
+
+typedef struct {
+    char *name;
+    bool vessel;           /* free space inside, else outside */
+    bool closed;           /* an open obstacle is a two-sided wall, tested for crossing only */
+    cn_surface *surface;   /* merged, outward, metres; vessels: caps are not part of it */
+    struct cn_tree *tree;  /* over surface */
+    int ncap;              /* virtual caps of a vessel's loops, for inside tests only */
+    cn_surface *caps;      /* NULL if none; outward normals */
+    int *cap_of;           /* loop of each cap triangle (caps->ntri) */
+    double (*cap)[7];      /* centre, unit normal (outward), radius of each cap (ncap) */
+    cn_doctor doctor;
+} cn_wall;
+
+/* The map of the free space: cells of the lumen, clearance, ridge. Opaque: src/core/map.c. */
+typedef struct cn_map cn_map;
+
+typedef struct {
+    const cn_scene *scene; /* not owned */
+    int nwall;
+    cn_wall *wall;         /* vessels first, then obstacles, in scene order */
+    int nvessel;
+    double min[3], max[3]; /* box of everything, walls and bodies' waypoints */
+    cn_map *map;           /* NULL until cn_world_map */
+    double map_s;          /* wall time its making took [s] */
+    struct cn_octree *octree; /* attached by cn_octree_attach, NULL before */
+    void (*octree_free)(struct cn_octree *octree);
+} cn_world;
+
+/* A surface that takes the place of the scene's vessel of that name (or of its only one when "" ). */
+typedef struct { const char *name; const cn_surface *surface; } cn_replacement;
+
+/* Reads, places, checks every vessel and obstacle. The scene must outlive the world. */
+cn_status cn_world_new(cn_world **out, const cn_scene *scene, int nreplacement, const cn_replacement *replacement,
+                       cn_error *error);
+void cn_world_free(cn_world *world);
+
+/* Makes the map for a device of this radius (cell: scene's planner.resolution, or auto: a fraction of the
+ * radius, at most 0.25 mm for a vessel of the demo's size). At most `threads` threads; same result for any. */
+cn_status cn_world_map(cn_world *world, double device_radius, int threads, cn_error *error);
+
+/* Exact tests against the triangles (not the map). */
+/* True when p is in the free space: inside the union of vessels (caps close open ends; beyond a cap lies the
+ * corridor along its normal within its radius) and outside every closed obstacle. Robust: exact predicates. */
+bool cn_world_free_at(const cn_world *world, const double p[3]);
+/* Distance to the nearest wall triangle [m]; *iwall, *itri, nearest[3] may be NULL. INFINITY without walls. */
+double cn_world_distance(const cn_world *world, const double p[3], int *iwall, int *itri, double nearest[3]);
+
+/* --- the map, for planner and pictures --- */
+double cn_map_cell(const cn_map *map); /* [m] */
+/* Lower bound on the clearance [m] at p, exact to about a cell; 0 outside the free space. */
+double cn_map_clearance(const cn_map *map, const double p[3]);
+/* Cells on the ridge of the distance field (the medial axis): n, positions (n x 3), clearances (n). Sorted,
+ * the same for any thread count. Owned by the map. */
+int cn_map_ridge(const cn_map *map, const double **x, const double **clearance);
+/* Free cells as maximal axis-aligned cubes of 2^level cells, depth first: what an octree is built from.
+ * Calls visit(user, corner index[3], level) for each. */
+typedef void (*cn_map_visit)(void *user, const int corner[3], int level);
+void cn_map_visit_cubes(const cn_map *map, cn_map_visit visit, void *user);
+void cn_map_frame(const cn_map *map, double origin[3], int size[3]); /* corner of cell 0 0 0; cells a side */
+/* Narrowest place on the widest route through the free space between a and b: its radius [m] and position;
+ * 0 when the map does not join them at all (position: where the reachable part ends nearest to b). */
+double cn_map_pinch(const cn_map *map, const double a[3], const double b[3], double where[3]);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
