@@ -19,6 +19,9 @@ extern "C" {
 struct cn_pool;   /* worker threads: src/core/pool.h */
 struct cn_matrix; /* symmetric 3x3-block sparse matrix: src/core/matrix.h */
 
+/* Where a body's element stiffnesses go in one matrix: block indices looked up once. */
+typedef struct cn_scatter cn_scatter;
+
 typedef struct {
     cn_body_model model;
     int nnode, ntet;
@@ -48,11 +51,19 @@ void cn_body_rotation_start(const cn_body *body, double *rotation);
 
 typedef enum { CN_TANGENT_WARPED, CN_TANGENT_EXACT, CN_TANGENT_PROJECTED } cn_tangent;
 
+/* Looks up the body's blocks in a matrix where its node i is block row first_node + i. CN_ERR_ARG: a block is
+ * missing from the pattern. The matrix stays the caller's and must outlive the scatter, which writes to it. */
+cn_status cn_body_bind(cn_scatter **out, const cn_body *body, struct cn_matrix *matrix, int first_node);
+void cn_scatter_free(cn_scatter *scatter); /* NULL is fine */
+
 /* Adds the elastic force [N] to f and returns the elastic energy [J]. With `stiffness` not NULL also adds
- * scale * K (K = d2E/dx2 [N/m], positive semidefinite unless EXACT) to it. Pool NULL: one thread; the result is
- * bit-identical for any thread count. Allocates nothing. Non-finite x gives a non-finite energy. */
+ * scale * K (K = d2E/dx2 [N/m], positive semidefinite unless EXACT; where two singular values of F sum to
+ * nothing the tangent is bounded) to the matrix it was bound to. x, f and nactive are the body's own: in a system
+ * of several bodies pass x + 3 * first_node. Pool NULL: one thread; the result is bit-identical for any thread
+ * count: the elements lie in fixed chunks, coloured so that those of a colour share no node, and colours follow
+ * each other. Allocates nothing. Non-finite x gives a non-finite energy. */
 double cn_body_add_elastic(const cn_body *body, int nactive, const double *x, double *rotation, double *f,
-                           cn_tangent tangent, double scale, struct cn_matrix *stiffness, struct cn_pool *pool);
+                           cn_tangent tangent, double scale, const cn_scatter *stiffness, struct cn_pool *pool);
 double cn_body_energy(const cn_body *body, int nactive, const double *x, double *rotation, struct cn_pool *pool);
 
 /* What limits measure, from the rotated-back displacement. */
