@@ -1,0 +1,35 @@
+# catnav: `make demo` shows it, `make test` tests it. Everything lands in build/.
+BUILD := $(CURDIR)/build
+JOBS  := $(shell nproc 2>/dev/null || echo 2)
+BIN   := $(BUILD)/devel/lib/catnav/catnav
+DEMO  := $(BUILD)/demo
+CTEST := cd $(BUILD) && ROS_HOSTNAME=localhost ctest -V -j$(JOBS)
+
+.PHONY: build packages demo test test-reference study clean
+
+# catkin leaves paths that do not exist yet out of the test environment: a fresh tree is configured twice
+build: packages
+	@test -e $(BUILD)/.configured || cmake -S . -B $(BUILD) -DPYTHON_EXECUTABLE=/usr/bin/python3
+	@MAKEFLAGS= cmake --build $(BUILD) -j$(JOBS)
+	@test -e $(BUILD)/.configured || { cmake $(BUILD) && MAKEFLAGS= cmake --build $(BUILD) -j$(JOBS) && \
+	    touch $(BUILD)/.configured; }
+
+# Installs what packages.txt lists and this machine lacks; with everything present it touches nothing
+packages:
+	@sh scripts/install_packages.sh packages.txt
+
+demo: build
+	@sh scripts/demo.sh $(BIN) $(DEMO)
+
+test: build
+	@$(CTEST) > $(BUILD)/test.log 2>&1; sh $(CURDIR)/scripts/test_summary.sh $(BUILD)/test.log
+
+# CATNAV_REFERENCE=DIR and CATNAV_DATA=DIR: the accuracy and geometry tests on other folders
+test-reference: build
+	@$(CTEST) -L reference > $(BUILD)/test.log 2>&1; sh $(CURDIR)/scripts/test_summary.sh $(BUILD)/test.log
+
+study: build
+	$(BIN) study $(BUILD)/study
+
+clean:
+	rm -rf $(BUILD)

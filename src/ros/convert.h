@@ -1,0 +1,37 @@
+// convert.h - what the core computes, as messages; and requests, as what the core takes.
+#pragma once
+
+#include <vector>
+#include <catnav/MeshState.h>
+#include <catnav/MeshTopology.h>
+#include <catnav/PlanCatheter.h>
+#include <catnav/SurfaceMesh.h>
+#include <nav_msgs/Path.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <visualization_msgs/Marker.h>
+#include "ros_node.h"
+
+namespace catnav
+{
+// A request as the C side sees it; points into the message, which must outlive it.
+struct RequestView {
+    explicit RequestView(const PlanCatheter::Request &message);
+    cn_ros_request request;
+
+  private:
+    std::vector<cn_ros_limit> limits_;
+};
+cn_ros_mesh view(const SurfaceMesh &message);
+
+Verdict toMessage(const cn_verdict &verdict);
+nav_msgs::Path toMessage(const cn_path &path);
+sensor_msgs::PointCloud2 cloud(int n, const double *x, const double *clearance);
+MeshTopology topology(const char *name, unsigned id, int ntet, const int *tet, int ntri, const int *tri);
+MeshState state(unsigned id, int step, double time, int nvert, const double *x, const float *stress);
+
+visualization_msgs::Marker marker(const char *ns, unsigned id, int type);
+visualization_msgs::Marker arteryMarker(const char *name, unsigned id, const cn_surface &surface);
+visualization_msgs::Marker roadmapMarker(unsigned id, const cn_roadmap &roadmap);
+visualization_msgs::Marker catheterMarker(const char *name, unsigned id, int nactive, int ntri,
+                                          const int *tri, const double *x, const float *stress, double full);
+} // namespace catnav

@@ -1,0 +1,193 @@
+/* node_mesh.c - artery meshes: checked at the door, put in force in one stroke. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include "node_parts.h"
+
+void stage_free(stage *s)
+{
+    if (!s) return;
+    cn_world_free(s->world);
+    cn_scene_free(s->scene);
+    free(s);
+}
+
+stage *stage_take(cn_node *node)
+{
+    pthread_mutex_lock(&node->lock);
+    stage *s = node->stage;
+    if (s) s->refs++;
+    pthread_mutex_unlock(&node->lock);
+    return s;
+}
+
+void stage_drop(cn_node *node, stage *s)
+{
+    if (!s) return;
+    pthread_mutex_lock(&node->lock);
+    const bool last = --s->refs == 0;
+    pthread_mutex_unlock(&node->lock);
+    if (last) stage_free(s);
+}
+
+cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmesh, const cn_replacement *mesh,
+                    const char *frame, cn_error *error)
+{
+    cn_status status = CN_ERR_MEMORY;
+    stage *s;
+
+    *out = NULL;
+    if (!(s = calloc(1, sizeof *s))) return cn_fail(error, CN_ERR_MEMORY, "", 0, "out of memory");
+    s->refs = 1;
+    snprintf(s->frame, sizeof s->frame, "%s", frame);
+    if ((status = cn_scene_read(&s->scene, file, node->nsetting, node->setting, error)) != CN_OK) goto fail;
+    if ((status = cn_world_new(&s->world, s->scene, nmesh, mesh, error)) != CN_OK) goto fail;
+    if (s->scene->nbody > 0 && s->scene->body[0].shape.kind == CN_SHAPE_CATHETER) {
+        const double radius = s->scene->body[0].shape.catheter.diameter / 2;
+        if ((status = cn_world_map(s->world, radius, node->threads, error)) != CN_OK) goto fail;
+    }
+    *out = s;
+    return CN_OK;
+fail:
+    stage_free(s);
+    return status;
+}
+
+void stage_show(cn_node *node, const stage *s, const char *frame)
+{
+    const double *x, *clearance;
+    cn_ros_forget_arteries(node->ros);
+    for (int i = 0; i < s->world->nwall; i++)
+        cn_ros_send_artery(node->ros, frame, s->world->wall[i].name, (unsigned)i, s->world->wall[i].surface);
+    if (s->world->map) {
+        const int n = cn_map_ridge(s->world->map, &x, &clearance);
+        cn_ros_send_medial_axis(node->ros, frame, n, x, clearance);
+    }
+}
+
+/* What a message may get wrong before it is a mesh at all. */
+static cn_status surface_of(cn_surface **out, const cn_ros_mesh *mesh, cn_error *error)
+{
+    const char *name = mesh->name[0] ? mesh->name : "artery mesh";
+    cn_status status;
+
+    *out = NULL;
+    if (mesh->nvert == 0 || mesh->ntri == 0)
+        return cn_fail(error, CN_ERR_MESH, "", 0, "%s: empty: %zu vertices, %zu triangles", name, mesh->nvert,
+                       mesh->ntri);
+    if (mesh->nvert > INT_MAX / 3 || mesh->ntri > INT_MAX / 3)
+        return cn_fail(error, CN_ERR_MESH, "", 0, "%s: more than %d vertices or triangles", name,
+                       INT_MAX / 3);
+    for (size_t i = 0; i < 3 * mesh->nvert; i++)
+        if (!isfinite(mesh->vert[i]))
+            return cn_fail(error, CN_ERR_NOT_FINITE, "", 0, "%s: vertex %zu has the coordinate %g", name,
+                           i / 3, mesh->vert[i]);
+    for (size_t i = 0; i < 3 * mesh->ntri; i++)
+        if (mesh->tri[i] >= mesh->nvert)
+            return cn_fail(error, CN_ERR_MESH, "", 0, "%s: triangle %zu names vertex %u of %zu", name, i / 3,
+                           (unsigned)mesh->tri[i], mesh->nvert);
+    if ((status = cn_surface_new(out, (int)mesh->nvert, (int)mesh->ntri)) != CN_OK)
+        return cn_fail(error, status, "", 0, "%s: out of memory", name);
+    memcpy((*out)->vert, mesh->vert, 3 * mesh->nvert * sizeof(double));
+    for (size_t i = 0; i < 3 * mesh->ntri; i++)
+        (*out)->tri[i] = (int)mesh->tri[i];
+    return CN_OK;
+}
+
+void meshes_free(int n, cn_replacement *mesh)
+{
+    for (int i = 0; i < n; i++) {
+        free((char *)mesh[i].name);
+        cn_surface_free((cn_surface *)mesh[i].surface);
+    }
+    free(mesh);
+}
+
+/* The meshes in force with one replaced or added; the list is the caller's, the surfaces but the new one are
+ * shared with the old list. *slot: where the new one is. */
+static cn_status meshes_with(const cn_node *node, const char *name, const cn_surface *surface,
+                             cn_replacement **out, int *n, int *slot)
+{
+    int k = 0;
+    while (k < node->nmesh && strcmp(node->mesh[k].name, name))
+        k++;
+    *n = k < node->nmesh ? node->nmesh : node->nmesh + 1;
+    *slot = k;
+    if (!(*out = malloc((size_t)*n * sizeof **out))) return CN_ERR_MEMORY;
+    if (node->nmesh > 0) memcpy(*out, node->mesh, (size_t)node->nmesh * sizeof **out);
+    (*out)[k] = (cn_replacement){name, surface};
+    return CN_OK;
+}
+
+/* Ends a check: a stage takes the place of the old one; an error is remembered and the old one stays. */
+static void put_in_force(cn_node *node, stage *fresh, const char *what, const cn_error *error)
+{
+    char refusal[sizeof node->refusal] = "";
+    stage *old = NULL;
+
+    if (error->status != CN_OK && error->file[0])
+        snprintf(refusal, sizeof refusal, "%s refused: %s:%d: %s", what, error->file, error->line,
+                 error->message);
+    else if (error->status != CN_OK)
+        snprintf(refusal, sizeof refusal, "%s refused: %s", what, error->message);
+    if (refusal[0]) CN_LOG(CN_LOG_ERROR, "%s", refusal);
+    pthread_mutex_lock(&node->lock);
+    if (fresh) old = node->stage, node->stage = fresh;
+    memcpy(node->refusal, refusal, sizeof refusal);
+    node->checking--;
+    pthread_mutex_unlock(&node->lock);
+    stage_drop(node, old);
+}
+
+/* Checks a mesh at the door and, if it is good, puts it in force in one stroke; else all stays as it was. */
+void on_mesh(void *user, const cn_ros_mesh *mesh)
+{
+    cn_node *node = user;
+    cn_error error = {0};
+    cn_surface *surface = NULL;
+    cn_replacement *meshes = NULL;
+    stage *fresh = NULL;
+    char *name = NULL;
+    int n = 0, slot = 0;
+
+    pthread_mutex_lock(&node->lock);
+    node->checking++;
+    pthread_mutex_unlock(&node->lock);
+
+    const char *frame = mesh->frame[0] ? mesh->frame : node->frame;
+    if (surface_of(&surface, mesh, &error) != CN_OK) goto done;
+    if (!(name = strdup(mesh->name)) || meshes_with(node, name, surface, &meshes, &n, &slot) != CN_OK) {
+        cn_fail(&error, CN_ERR_MEMORY, "", 0, "out of memory");
+        goto done;
+    }
+    if (stage_new(&fresh, node, node->scene_file, n, meshes, mesh->frame, &error) != CN_OK) goto done;
+
+    if (slot < node->nmesh) {
+        free((char *)node->mesh[slot].name);
+        cn_surface_free((cn_surface *)node->mesh[slot].surface);
+    }
+    free(node->mesh);
+    node->mesh = meshes, node->nmesh = n;
+    name = NULL, surface = NULL, meshes = NULL;
+    stage_show(node, fresh, frame);
+    CN_LOG(CN_LOG_INFO, "artery mesh accepted: %zu vertices, %zu triangles", mesh->nvert, mesh->ntri);
+done:
+    put_in_force(node, fresh, "artery mesh", &error);
+    free(name);
+    free(meshes);
+    cn_surface_free(surface);
+}
+
+void stage_first(cn_node *node)
+{
+    cn_error error = {0};
+    cn_scene *scene = NULL;
+    stage *first = NULL;
+
+    if (cn_scene_read(&scene, node->scene_file, node->nsetting, node->setting, &error) == CN_OK &&
+        scene->nvessel == 0 && stage_new(&first, node, node->scene_file, 0, NULL, "", &error) == CN_OK)
+        stage_show(node, first, node->frame);
+    cn_scene_free(scene);
+    put_in_force(node, first, "scene", &error);
+}

@@ -1,0 +1,104 @@
+/* node_parts.h - what the node's files share.
+ *
+ * Threads: meshes come one at a time, plan requests several at once, both on threads of roscpp's; the plan
+ * under way runs on the thread that brought it. `lock` guards what they share; a stage (scene and world) is
+ * const once it is in force and lives as long as somebody uses it, so a new mesh never disturbs a running
+ * plan. */
+#ifndef CN_NODE_PARTS_H
+#define CN_NODE_PARTS_H
+
+#include <limits.h>
+#include <pthread.h>
+#include "catnav/run.h"
+#include "node.h"
+#include "ros_node.h"
+
+/* A scene and its world. */
+typedef struct {
+    int refs;
+    cn_scene *scene;
+    cn_world *world;
+    char frame[64]; /* that its mesh came in, "" where the sender named none */
+} stage;
+
+/* A deforming body in the plan under way. */
+typedef struct {
+    const cn_body *body;
+    unsigned id;
+    float *stress;  /* per vertex [Pa] (nnode) */
+    double highest; /* so far [Pa]: the colour scale where there is no limit */
+} shown;
+
+struct cn_node {
+    cn_ros *ros;
+    const volatile sig_atomic_t *stop;
+    volatile sig_atomic_t cancel; /* the plan under way must end */
+    int threads;
+    char scene_file[PATH_MAX], scene_dir[PATH_MAX], frame[64];
+    double frame_period; /* [s] */
+    int nsetting;
+    cn_setting *setting;
+
+    pthread_mutex_t lock;
+    stage *stage;      /* in force for plans without a scene of their own; NULL: none yet */
+    int checking;      /* meshes and scenes being checked */
+    char refusal[1024]; /* why the last mesh or the scene was refused, "" when it was not */
+    bool planning;
+    int frames_sent, frames_dropped, frames_tick; /* frames_tick: sent up to the last tick */
+    cn_progress progress;
+    char verdict[32];
+
+    /* of the mesh callback alone */
+    int nmesh;
+    cn_replacement *mesh; /* in force, the node's own */
+
+    /* of the plan under way alone */
+    char run_frame[64];
+    int nshown;
+    shown *shown;
+    unsigned last_id;
+    double last_frame; /* [s] */
+};
+
+/* --- node_mesh.c: stages and the meshes they are made of --- */
+/* Reads a scene with the node's settings, checks its walls with the meshes in their place, makes the map. */
+cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmesh, const cn_replacement *mesh,
+                    const char *frame, cn_error *error);
+void stage_free(stage *s);
+stage *stage_take(cn_node *node);         /* the one in force, kept until dropped; NULL: none */
+void stage_drop(cn_node *node, stage *s); /* NULL is fine */
+void stage_show(cn_node *node, const stage *s, const char *frame);
+/* A scene without vessels has no artery to wait for; any other waits for its mesh. A scene that cannot be
+ * read is refused now and at every mesh. */
+void stage_first(cn_node *node);
+void on_mesh(void *node, const cn_ros_mesh *mesh);
+void meshes_free(int n, cn_replacement *mesh);
+
+/* --- node_request.c: what a request may ask --- */
+/* The scene a request names: inside ~scene_dir, whatever links and dots say. */
+cn_status scene_inside(const cn_node *node, const char *scene, char path[PATH_MAX], cn_error *error);
+cn_status check_waypoints(const cn_ros_request *request, const cn_world *world, cn_error *error);
+cn_status sampling_of(const char *text, cn_sampling *sampling, cn_error *error);
+
+/* Limits that a request lays over the scene's for one plan: the device's go with the request, those of other
+ * bodies and walls stand in the scene meanwhile. The scene is this plan's alone: one plan runs at a time. */
+typedef struct {
+    int ndevice;
+    cn_limit *device;
+    int nlent;
+    struct {
+        int *n, old_n;
+        cn_limit **list, *old;
+    } * lent;
+} overlay;
+cn_status overlay_new(overlay *o, cn_scene *scene, const cn_ros_request *request, cn_error *error);
+void overlay_end(overlay *o); /* the scene is as it was */
+
+/* --- node_show.c: frames and diagnostics --- */
+bool wants_frame(cn_node *node, int step);
+void show_frame(cn_node *node, const cn_frame *frame);
+void forget_shown(cn_node *node);
+void on_tick(void *node);
+double wall_clock(void); /* [s], never goes back */
+
+#endif

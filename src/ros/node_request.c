@@ -1,0 +1,154 @@
+/* node_request.c - what a request may ask: waypoints in the lumen, limits on what exists, scenes in their
+ * folder. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include "node_parts.h"
+
+cn_status scene_inside(const cn_node *node, const char *scene, char path[PATH_MAX], cn_error *error)
+{
+    char joined[PATH_MAX], folder[PATH_MAX];
+    if (!node->scene_dir[0])
+        return cn_fail(error, CN_ERR_ARG, "", 0, "scene '%s': the node has no ~scene_dir to look in", scene);
+    const int n = snprintf(joined, sizeof joined, "%s/%s", node->scene_dir, scene);
+    if (n >= (int)sizeof joined || !realpath(node->scene_dir, folder) || !realpath(joined, path))
+        return cn_fail(error, CN_ERR_FILE, scene, 0, "scene '%s' is not in %s", scene, node->scene_dir);
+    const size_t length = strlen(folder);
+    if (strncmp(path, folder, length) || path[length] != '/')
+        return cn_fail(error, CN_ERR_ARG, scene, 0, "scene '%s' lies outside %s", scene, node->scene_dir);
+    return CN_OK;
+}
+
+cn_status check_waypoints(const cn_ros_request *request, const cn_world *world, cn_error *error)
+{
+    if (request->nwaypoint < 2)
+        return cn_fail(error, CN_ERR_ARG, "", 0,
+                       "%d waypoints: at least two are needed, the entry and a target", request->nwaypoint);
+    for (int i = 0; i < request->nwaypoint; i++) {
+        const double *p = request->waypoint + 3 * i;
+        if (!isfinite(p[0]) || !isfinite(p[1]) || !isfinite(p[2]))
+            return cn_fail(error, CN_ERR_NOT_FINITE, "", 0, "waypoint %d is (%g, %g, %g): not a place", i,
+                           p[0], p[1], p[2]);
+        if (!cn_world_free_at(world, p))
+            return cn_fail(error, CN_ERR_ARG, "", 0,
+                           "waypoint %d at (%.6g, %.6g, %.6g) m lies outside the free space, %.3g m from the "
+                           "nearest wall",
+                           i, p[0], p[1], p[2], cn_world_distance(world, p, NULL, NULL, NULL));
+    }
+    return CN_OK;
+}
+
+cn_status sampling_of(const char *text, cn_sampling *sampling, cn_error *error)
+{
+    static const char *const names[] = {"uniform", "medial_axis", "contact"};
+    for (int i = 0; i < 3; i++)
+        if (!strcmp(text, names[i])) {
+            *sampling = (cn_sampling)i;
+            return CN_OK;
+        }
+    return cn_fail(error, CN_ERR_ARG, "", 0, "sampling '%s': expected uniform, medial_axis or contact", text);
+}
+
+static cn_status limit_of(const cn_ros_limit *in, cn_limit *out, cn_error *error)
+{
+    const char *const reduce = in->reduce[0] ? in->reduce : "max";
+    int q = CN_QUANTITY_VOLUME;
+    while (q < CN_QUANTITY_PROGRESS && strcmp(in->quantity, cn_quantity_name((cn_quantity)q)))
+        q++;
+    if (q == CN_QUANTITY_PROGRESS)
+        return cn_fail(error, CN_ERR_ARG, "", 0,
+                       "limit on '%s': expected volume, stress, energy, wall_force or clearance",
+                       in->quantity);
+    out->quantity = (cn_quantity)q;
+    if (strcmp(reduce, "max") && strcmp(reduce, "mean"))
+        return cn_fail(error, CN_ERR_ARG, "", 0, "limit on %s: reduce '%s': expected max or mean",
+                       in->quantity, reduce);
+    out->reduce = strcmp(reduce, "mean") ? CN_REDUCE_MAX : CN_REDUCE_MEAN;
+    if (out->reduce == CN_REDUCE_MEAN && q != CN_QUANTITY_VOLUME && q != CN_QUANTITY_STRESS)
+        return cn_fail(error, CN_ERR_ARG, "", 0, "limit on %s: only max is defined", in->quantity);
+    if (!(in->limit >= 0 && in->limit < INFINITY))
+        return cn_fail(error, CN_ERR_ARG, "", 0, "limit on %s is %g: expected a finite number, 0 or more",
+                       in->quantity, in->limit);
+    out->limit = in->limit;
+    return CN_OK;
+}
+
+/* Adds a limit to a list of the scene's, in place of one on the same quantity and reduce. */
+static cn_status put_limit(int *n, cn_limit **list, const cn_limit *limit)
+{
+    for (int i = 0; i < *n; i++)
+        if ((*list)[i].quantity == limit->quantity && (*list)[i].reduce == limit->reduce) {
+            (*list)[i] = *limit;
+            return CN_OK;
+        }
+    cn_limit *longer = realloc(*list, (size_t)(*n + 1) * sizeof *longer);
+    if (!longer) return CN_ERR_MEMORY;
+    *list = longer;
+    longer[(*n)++] = *limit;
+    return CN_OK;
+}
+
+/* The list of limits of the body, vessel or obstacle of that name; NULL: there is none. */
+static cn_limit **limits_of(cn_scene *scene, const char *name, int **n)
+{
+    for (int i = 0; i < scene->nbody; i++)
+        if (!strcmp(scene->body[i].name, name)) return *n = &scene->body[i].nlimit, &scene->body[i].limit;
+    for (int i = 0; i < scene->nvessel; i++)
+        if (!strcmp(scene->vessel[i].name, name))
+            return *n = &scene->vessel[i].nlimit, &scene->vessel[i].limit;
+    for (int i = 0; i < scene->nobstacle; i++)
+        if (!strcmp(scene->obstacle[i].name, name))
+            return *n = &scene->obstacle[i].nlimit, &scene->obstacle[i].limit;
+    return NULL;
+}
+
+static cn_status lend(overlay *o, int *n, cn_limit **list)
+{
+    for (int i = 0; i < o->nlent; i++)
+        if (o->lent[i].list == list) return CN_OK;
+    cn_limit *copy = malloc((size_t)(*n + 1) * sizeof *copy);
+    void *lent = copy ? realloc(o->lent, (size_t)(o->nlent + 1) * sizeof *o->lent) : NULL;
+    if (!lent) {
+        free(copy);
+        return CN_ERR_MEMORY;
+    }
+    if (*n > 0) memcpy(copy, *list, (size_t)*n * sizeof *copy);
+    o->lent = lent;
+    o->lent[o->nlent].n = n, o->lent[o->nlent].old_n = *n;
+    o->lent[o->nlent].list = list, o->lent[o->nlent].old = *list;
+    o->nlent++;
+    *list = copy;
+    return CN_OK;
+}
+
+cn_status overlay_new(overlay *o, cn_scene *scene, const cn_ros_request *request, cn_error *error)
+{
+    *o = (overlay){0};
+    for (int i = 0; i < request->nlimit; i++) {
+        const cn_ros_limit *in = &request->limit[i];
+        cn_limit limit, **list = &o->device;
+        int *n = &o->ndevice;
+        cn_status status = limit_of(in, &limit, error);
+        if (status != CN_OK) return status;
+        if (in->body[0] && (scene->nbody == 0 || strcmp(in->body, scene->body[0].name))) {
+            if (!(list = limits_of(scene, in->body, &n)))
+                return cn_fail(error, CN_ERR_ARG, "", 0,
+                               "limit on '%s': the scene has no body or wall of that name", in->body);
+            if (lend(o, n, list) != CN_OK) return cn_fail(error, CN_ERR_MEMORY, "", 0, "out of memory");
+        }
+        if (put_limit(n, list, &limit) != CN_OK) return cn_fail(error, CN_ERR_MEMORY, "", 0, "out of memory");
+    }
+    return CN_OK;
+}
+
+void overlay_end(overlay *o)
+{
+    for (int i = 0; i < o->nlent; i++) {
+        free(*o->lent[i].list);
+        *o->lent[i].list = o->lent[i].old;
+        *o->lent[i].n = o->lent[i].old_n;
+    }
+    free(o->lent);
+    free(o->device);
+}

@@ -1,0 +1,118 @@
+/* node_show.c - what is seen while a plan runs: frames at most at ~frame_rate, and diagnostics. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include "node_parts.h"
+
+double wall_clock(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+bool wants_frame(cn_node *node, int step)
+{
+    const double t = wall_clock();
+    const bool wanted = step == 0 || t - node->last_frame >= node->frame_period;
+    if (wanted) node->last_frame = t;
+    pthread_mutex_lock(&node->lock);
+    if (wanted)
+        node->frames_sent++;
+    else
+        node->frames_dropped++;
+    pthread_mutex_unlock(&node->lock);
+    return wanted;
+}
+
+/* The body's place among those shown; a body met first is announced with its topology. */
+static shown *find_shown(cn_node *node, const cn_frame_body *b)
+{
+    for (int i = 0; i < node->nshown; i++)
+        if (node->shown[i].body == b->body) return &node->shown[i];
+
+    shown *list = realloc(node->shown, (size_t)(node->nshown + 1) * sizeof *list);
+    if (!list) return NULL;
+    node->shown = list;
+    shown *s = &list[node->nshown];
+    *s = (shown){.body = b->body, .stress = calloc((size_t)b->body->nnode, sizeof(float))};
+    if (!s->stress) return NULL;
+    s->id = ++node->last_id;
+    node->nshown++;
+    cn_ros_send_topology(node->ros, node->run_frame, b->name, s->id, b->body->ntet, b->body->tet,
+                         b->body->boundary->ntri, b->body->boundary->tri);
+    return s;
+}
+
+void forget_shown(cn_node *node)
+{
+    for (int i = 0; i < node->nshown; i++)
+        free(node->shown[i].stress);
+    free(node->shown);
+    node->shown = NULL, node->nshown = 0;
+}
+
+/* Largest von Mises stress of each vertex's tetrahedra: what breaks a limit is never averaged away. */
+static void vertex_stress(shown *s, const double *von_mises)
+{
+    const cn_body *b = s->body;
+    memset(s->stress, 0, (size_t)b->nnode * sizeof(float));
+    for (int e = 0; von_mises && e < b->ntet; e++) {
+        const float stress = (float)von_mises[e];
+        if (von_mises[e] > s->highest) s->highest = von_mises[e];
+        for (int k = 0; k < 4; k++)
+            if (stress > s->stress[b->tet[4 * e + k]]) s->stress[b->tet[4 * e + k]] = stress;
+    }
+}
+
+void show_frame(cn_node *node, const cn_frame *frame)
+{
+    for (int i = 0; i < frame->nbody; i++) {
+        const cn_frame_body *b = &frame->body[i];
+        shown *s = find_shown(node, b);
+        if (!s) continue; /* out of memory: the plan goes on unseen */
+        vertex_stress(s, b->von_mises);
+        cn_ros_send_state(node->ros, node->run_frame, s->id, frame->step, frame->time, b->body->nnode, b->x,
+                          s->stress);
+        cn_ros_send_catheter(node->ros, node->run_frame, b->name, s->id, b->nactive, b->body->boundary->ntri,
+                             b->body->boundary->tri, b->x, s->stress,
+                             isfinite(b->stress_limit) ? b->stress_limit : s->highest);
+    }
+}
+
+void on_tick(void *user)
+{
+    static const char *const stages[] = {"mesh check", "map", "roadmap", "motion"};
+    cn_node *node = user;
+    cn_ros_figure figure[9];
+    char message[1024];
+    int n = 0;
+
+#define FIGURE(name, ...)                                                                                    \
+    figure[n].key = name, snprintf(figure[n].value, sizeof figure[n].value, __VA_ARGS__), n++
+    pthread_mutex_lock(&node->lock);
+    const cn_progress *p = &node->progress;
+    FIGURE("frame rate [Hz]", "%d", node->frames_sent - node->frames_tick);
+    FIGURE("frames sent", "%d", node->frames_sent);
+    FIGURE("frames dropped", "%d", node->frames_dropped);
+    FIGURE("last verdict", "%s", node->verdict[0] ? node->verdict : "none");
+    FIGURE("steps per second", "%.3g", node->planning ? p->steps_per_s : 0.);
+    FIGURE("step", "%d", p->step);
+    FIGURE("waypoint", "%d of %d", p->waypoint, p->nwaypoint);
+    FIGURE("simulated time [s]", "%.6g", p->time);
+    FIGURE("replans", "%d", p->replans);
+    node->frames_tick = node->frames_sent;
+    const bool ok = !node->refusal[0];
+    if (!ok)
+        snprintf(message, sizeof message, "%s", node->refusal);
+    else
+        snprintf(message, sizeof message, "%s",
+                 node->planning ? stages[p->stage]
+                 : node->stage  ? "ready"
+                                : "no artery mesh yet");
+    pthread_mutex_unlock(&node->lock);
+#undef FIGURE
+    cn_ros_send_diagnostics(node->ros, ok, message, n, figure);
+}

@@ -1,0 +1,107 @@
+/* ros_node.h - roscpp behind C: all that the node's logic (node.c) needs of ROS, and nothing that decides.
+ *
+ * Names, topics and messages are those of the contract. No exception crosses this border: a call that cannot
+ * reach ROS logs and returns. Calls may come from any thread. Nothing handed over is kept: messages are
+ * copies. `frame` is the message's frame_id. SI units. */
+#ifndef CN_ROS_NODE_H
+#define CN_ROS_NODE_H
+
+#include <signal.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include "catnav/plan.h"
+#include "catnav/report.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct cn_ros cn_ros;
+
+/* --- what comes in; valid during the callback only --- */
+typedef struct {
+    const char *frame, *name;
+    size_t nvert, ntri;
+    const double *vert;  /* as sent [m]: any value (nvert x 3) */
+    const uint32_t *tri; /* as sent: any value     (ntri x 3)  */
+} cn_ros_mesh;
+
+typedef struct {
+    const char *body, *quantity, *reduce;
+    double limit;
+} cn_ros_limit;
+
+typedef struct {
+    const char *frame;
+    int nwaypoint;
+    const double *waypoint; /* [m] (nwaypoint x 3) */
+    int nlimit;
+    const cn_ros_limit *limit;
+    const char *sampling, *scene;
+    double budget; /* [s] */
+    unsigned seed;
+} cn_ros_request;
+
+/* Comes zeroed, is filled by the callback, and is sent and freed by the wrapper. */
+typedef struct {
+    char frame[64];
+    cn_report report;
+    cn_path *path; /* NULL: none */
+} cn_ros_answer;
+
+typedef struct {
+    void *user;
+    void (*mesh)(void *user, const cn_ros_mesh *mesh);                              /* one at a time */
+    void (*plan)(void *user, const cn_ros_request *request, cn_ros_answer *answer); /* several at once */
+    void (*tick)(void *user);                                                       /* once a second */
+} cn_ros_handlers;
+
+/* --- life --- */
+/* Starts roscpp without its signal handlers and waits for the master until *stop. CN_ERR_CANCELLED: stopped.
+ */
+cn_status cn_ros_new(cn_ros **out, int argc, char **argv, const char *name, const volatile sig_atomic_t *stop,
+                     cn_error *error);
+/* Opens topics and service; callbacks come from threads of roscpp's from here on. */
+cn_status cn_ros_start(cn_ros *ros, const cn_ros_handlers *handlers, cn_error *error);
+bool cn_ros_ok(const cn_ros *ros);           /* false once the master or rosnode has shut the node down */
+bool cn_ros_mesh_senders(const cn_ros *ros); /* does anyone publish on ~artery_mesh? */
+void cn_ros_free(cn_ros *ros); /* waits for callbacks under way, then shuts down; NULL is fine */
+void cn_ros_log(cn_log_level level, const char *file, int line, const char *text); /* to rosconsole */
+
+/* --- private parameters --- */
+void cn_ros_text(const cn_ros *ros, const char *key, const char *otherwise, char *out, size_t size);
+double cn_ros_number(const cn_ros *ros, const char *key, double otherwise);
+/* All private parameters but `except` (ends with NULL) as settings of a scene: ~planner/samples is
+ * planner.samples; lists become YAML. Freed by cn_ros_settings_free. */
+cn_status cn_ros_settings(const cn_ros *ros, const char *const *except, int *n, cn_setting **out);
+void cn_ros_settings_free(int n, cn_setting *setting);
+
+/* --- what goes out; `id` tells several bodies or walls apart, and late subscribers get the last of each ---
+ */
+void cn_ros_send_topology(cn_ros *ros, const char *frame, const char *name, unsigned id, int ntet,
+                          const int *tet, int ntri, const int *tri);
+void cn_ros_send_state(cn_ros *ros, const char *frame, unsigned id, int step, double time, int nvert,
+                       const double *x, const float *stress);
+/* Triangles whose vertices are all below nactive, coloured by stress from blue (0) to red (`full` [Pa]). */
+void cn_ros_send_catheter(cn_ros *ros, const char *frame, const char *name, unsigned id, int nactive,
+                          int ntri, const int *tri, const double *x, const float *stress, double full);
+void cn_ros_send_artery(cn_ros *ros, const char *frame, const char *name, unsigned id,
+                        const cn_surface *surface);
+void cn_ros_send_roadmap(cn_ros *ros, const char *frame, unsigned id, const cn_roadmap *roadmap);
+void cn_ros_send_path(cn_ros *ros, const char *frame, const cn_path *path);
+void cn_ros_send_medial_axis(cn_ros *ros, const char *frame, int n, const double *x, const double *clearance);
+void cn_ros_forget_arteries(cn_ros *ros); /* takes the walls off every screen */
+void cn_ros_forget_bodies(cn_ros *ros);   /* takes bodies, roadmaps and path off every screen */
+
+typedef struct {
+    const char *key;
+    char value[256];
+} cn_ros_figure;
+void cn_ros_send_diagnostics(cn_ros *ros, bool ok, const char *message, int nfigure,
+                             const cn_ros_figure *figure);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
