@@ -31,8 +31,10 @@ void cn_surface_free(cn_surface *surface);
 cn_status cn_tets_new(cn_tets **out, int nnode, int ntet);
 void cn_tets_free(cn_tets *tets);
 
-/* Reads a surface by its content and extension: .stl (ASCII, binary), .obj, .ply (ASCII, binary),
- * .msh (its triangles). STL facets keep their own corners (3 per facet): merging is the doctor's.
+/* Reads a surface by its extension and content: .stl (ASCII, binary), .obj, .ply (ASCII, binary),
+ * .msh (its triangles). STL facets keep their own corners (3 per facet): merging is the doctor's. Flat convex
+ * polygons of OBJ and PLY become fans; fans, lines, points and lower elements left aside are counted in a log
+ * message; whatever else cannot be kept (quadrangles of .msh, curves, strips) is refused.
  * Coordinates in the file's unit, double; NaN, Inf, an index out of range, a truncated file, trailing
  * rubbish: CN_ERR_PARSE with file and line (or byte offset). Memory at most 10 x file + 16 MiB. */
 cn_status cn_surface_read(cn_surface **out, const char *path, cn_error *error);
@@ -71,6 +73,13 @@ typedef struct {
     int slivers;           /* triangles with an angle below 0.5 degrees */
     double min[3], max[3], size; /* bounding box and its diagonal [m] */
     char unit_guess[64];   /* e.g. "metres", "looks like millimetres: try scale 0.001" */
+    int nonmanifold_vertices; /* vertices whose triangles form more than one fan */
+    int mixed_components;  /* closed components whose orientation contradicts their nesting */
+    /* the first of each, for the sentences; -1: none */
+    int first_degenerate, first_duplicate[2], first_nonmanifold[2], first_mixed[2], first_mixed_component;
+    int first_nonmanifold_vertex;
+    int loop_edges[CN_DOCTOR_LISTED];         /* edges of the first loops */
+    double loop_centre[CN_DOCTOR_LISTED][3];  /* mean of their edges' midpoints, weighted by length [m] */
 } cn_doctor;
 
 /* Merges exactly equal vertices (counted), turns uniformly inward orientation (counted), measures the
@@ -81,6 +90,11 @@ cn_status cn_surface_check(cn_surface *surface, bool turn, cn_doctor *doctor, cn
  * a surface to be filled (closed, manifold, no crossing). `name` heads the sentence. */
 cn_status cn_doctor_wall(const cn_doctor *doctor, const char *name, cn_error *error);
 cn_status cn_doctor_solid(const cn_doctor *doctor, const char *name, cn_error *error);
+/* What `catnav check` decides: a closed surface must be fillable, an open one usable as a wall. */
+cn_status cn_doctor_usable(const cn_doctor *doctor, const char *name, cn_error *error);
+/* One aligned table, or one JSON object; the caller frees. NULL: out of memory. */
+char *cn_doctor_text(const cn_doctor *doctor, const char *name);
+char *cn_doctor_json(const cn_doctor *doctor, const char *name);
 
 /* Fills a closed surface by the `tetgen` command (temporary folder, time and memory limit), after the
  * crossing test; `max_volume` of one tetrahedron [m^3], 0: the mesher's choice. */
@@ -88,6 +102,24 @@ cn_status cn_tets_fill(cn_tets **out, const cn_surface *surface, double max_volu
 /* Refuses what FEM cannot use (index, zero or negative volume, duplicate, unused node, non-manifold face);
  * negatively oriented tetrahedra are turned and counted in *turned. */
 cn_status cn_tets_check(cn_tets *tets, int *turned, cn_error *error);
+/* What a tetrahedral mesh is like; indices are the mesh's. */
+typedef struct {
+    int nnode, ntet, unused;
+    int inverted, flat;             /* negative volume; none (|V| <= 1e-14 of the mean) */
+    int nonmanifold_faces;          /* faces of more than two tetrahedra */
+    int components, boundary;       /* joined by faces; outer triangles */
+    double volume, volume_min, volume_max;       /* total; of one tetrahedron [m^3] */
+    double dihedral_min, dihedral_max; int dihedral_min_tet, dihedral_max_tet; /* [degrees] */
+    double quality_min, quality_mean; int quality_min_tet; /* 6 sqrt(2) V / rms edge^3: 1 regular, 0 flat */
+    double aspect_max; int aspect_max_tet;       /* longest edge / (2 sqrt(6) inscribed radius): 1 regular */
+    int slivers;                                 /* tetrahedra with a dihedral angle below 1 degree */
+    double min[3], max[3], size;
+    char unit_guess[64];
+} cn_tets_doctor;
+/* CN_OK for any finite mesh with valid indices. The mesh is not changed. */
+cn_status cn_tets_measure(const cn_tets *tets, cn_tets_doctor *doctor, cn_error *error);
+char *cn_tets_doctor_text(const cn_tets_doctor *doctor, const char *name, const cn_error *refusal);
+char *cn_tets_doctor_json(const cn_tets_doctor *doctor, const char *name, const cn_error *refusal);
 /* Outer surface of a tetrahedral mesh: triangles index the same nodes; *out->vert is NULL, nvert = nnode.
  * Outward. */
 cn_status cn_tets_boundary(cn_surface **out, const cn_tets *tets);
@@ -100,12 +132,14 @@ cn_status cn_tets_catheter(cn_tets **out, double length, double diameter, double
                            int sides, cn_error *error);
 /* Box [0,size] cut into cells, six (Kuhn) tetrahedra each, mirrored in odd cells. */
 cn_status cn_tets_beam(cn_tets **out, const double size[3], const int cells[3], cn_error *error);
-/* Closed triangulated shapes for obstacles and tests; outward. */
+/* Shapes for obstacles and tests; outward. The sphere is an icosphere with its vertices on the radius (the
+ * faces lie at most 0.2 % of it inside); the plane an open square of side 2 extent about the point. */
 cn_status cn_surface_sphere(cn_surface **out, const double centre[3], double radius);
 cn_status cn_surface_box(cn_surface **out, const double min[3], const double max[3]);
 cn_status cn_surface_plane(cn_surface **out, const double point[3], const double normal[3], double extent);
-/* Tube wall swept along axis points (naxis x 3) with radius per point: outer minus inner when thickness > 0
- * (closed solid), else one open surface oriented outward. */
+/* Tube wall swept along axis points (naxis x 3) with inner radius per point: outer (radius + thickness) minus
+ * inner when thickness > 0 (closed solid), else one open surface of that radius, oriented outward. Rings stand
+ * across the axis, twist-free. */
 cn_status cn_surface_tube(cn_surface **out, int naxis, const double *axis, const double *radius,
                           double thickness, int sides);
 
