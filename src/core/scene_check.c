@@ -1,0 +1,213 @@
+/* Contradictions between keys of one map, and between parts of a scene. Each is called after all keys of its
+ * map have been read and are in range. */
+#include "scene_schema.h"
+#include "catnav/vec3.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MOST_NODES 1e8 /* of one generated mesh */
+
+cn_status cn_check_catheter(struct cn_reader *reader, int node, void *base)
+{
+    const cn_shape *shape = base;
+    if (!(shape->catheter.inner_diameter < shape->catheter.diameter))
+        return cn_reader_refuse(reader, node, "inner_diameter", "%.10g m is not below the diameter, %.10g m",
+                                shape->catheter.inner_diameter, shape->catheter.diameter);
+    if (!(shape->catheter.inserted <= shape->catheter.length))
+        return cn_reader_refuse(reader, node, "inserted", "%.10g m is more than the length, %.10g m",
+                                shape->catheter.inserted, shape->catheter.length);
+    if (shape->catheter.has_core && !(shape->catheter.core_diameter <= shape->catheter.diameter))
+        return cn_reader_refuse(reader, node, "core",
+                                "its diameter, %.10g m, is above the catheter's, %.10g m",
+                                shape->catheter.core_diameter, shape->catheter.diameter);
+    if ((double)shape->catheter.stations * (2 * shape->catheter.sides + 1) > MOST_NODES)
+        return cn_reader_refuse(reader, node, "stations", "with %d sides that makes more than 1e8 nodes",
+                                shape->catheter.sides);
+    return CN_OK;
+}
+
+cn_status cn_check_beam(struct cn_reader *reader, int node, void *base)
+{
+    const int *cells = ((const cn_shape *)base)->beam.cells;
+    if ((cells[0] + 1.0) * (cells[1] + 1.0) * (cells[2] + 1.0) > MOST_NODES)
+        return cn_reader_refuse(reader, node, "cells", "they make more than 1e8 nodes");
+    return CN_OK;
+}
+
+cn_status cn_check_box(struct cn_reader *reader, int node, void *base)
+{
+    const cn_shape *shape = base;
+    for (int i = 0; i < 3; i++)
+        if (!(shape->box.min[i] < shape->box.max[i]))
+            return cn_reader_refuse(reader, node, "max", "its %c, %.10g, is not above the one of min, %.10g",
+                                    "xyz"[i], shape -> box.max[i], shape->box.min[i]);
+    return CN_OK;
+}
+
+cn_status cn_check_tube(struct cn_reader *reader, int node, void *base)
+{
+    const cn_shape *shape = base;
+    if (shape->tube.nradius != 1 && shape->tube.nradius != shape->tube.naxis)
+        return cn_reader_refuse(reader, node, "radius", "%d of them for %d points: give one, or one a point",
+                                shape->tube.nradius, shape->tube.naxis);
+    for (int i = 1; i < shape->tube.naxis; i++)
+        if (!memcmp(&shape->tube.axis[3 * i], &shape->tube.axis[3 * i - 3], 3 * sizeof(double)))
+            return cn_reader_refuse(reader, node, "axis", "points %d and %d are the same", i - 1, i);
+    for (int i = 0; i < shape->tube.nradius; i++)
+        if (!(shape->tube.thickness < shape->tube.radius[i]))
+            return cn_reader_refuse(reader, node, "thickness", "%.10g m is not below the radius, %.10g m",
+                                    shape->tube.thickness, shape->tube.radius[i]);
+    return CN_OK;
+}
+
+cn_status cn_check_wall(struct cn_reader *reader, int node, void *base)
+{
+    const cn_wall_spec *wall = base;
+    static const char *const needed[] = {"thickness", "young", "poisson", "density", "foundation"};
+    if (wall->model == CN_WALL_RIGID) return CN_OK;
+    const bool membrane = wall->model == CN_WALL_MEMBRANE;
+    for (int i = 0; i < (membrane ? 5 : 4); i++)
+        if (cn_reader_child(reader, node, needed[i]) < 0)
+            return cn_reader_refuse(reader, node, NULL, "a %s wall needs the key \"%s\"",
+                                    membrane ? "membrane" : "shell", needed[i]);
+    if (membrane && !(wall->foundation > 0))
+        return cn_reader_refuse(reader, node, "foundation", "a membrane needs one above 0 Pa/m");
+    return CN_OK;
+}
+
+cn_status cn_check_obstacle(struct cn_reader *reader, int node, void *base)
+{
+    const cn_surface_spec *obstacle = base;
+    const bool moves = obstacle->npath > 0,
+               soft = obstacle->deformable || obstacle->wall.model != CN_WALL_RIGID;
+    if (moves && soft)
+        return cn_reader_refuse(reader, node, "path", "only a rigid obstacle moves along a path");
+    if (soft && obstacle->shape.kind == CN_SHAPE_PLANE)
+        return cn_reader_refuse(reader, node, NULL, "a plane is rigid: it has no end");
+    return CN_OK;
+}
+
+cn_status cn_check_limit(struct cn_reader *reader, int node, void *base)
+{
+    const cn_limit *limit = base;
+    if (limit->reduce == CN_REDUCE_MEAN && limit->quantity != CN_QUANTITY_VOLUME &&
+        limit->quantity != CN_QUANTITY_STRESS)
+        return cn_reader_refuse(reader, node, "reduce", "%s has no mean, only a max",
+                                cn_quantity_name(limit->quantity));
+    return CN_OK;
+}
+
+cn_status cn_check_load(struct cn_reader *reader, int node, void *base)
+{
+    const cn_load *load = base;
+    if (!(load->until > load->from))
+        return cn_reader_refuse(reader, node, "until", "%.10g s is not after from, %.10g s", load->until,
+                                load->from);
+    return CN_OK;
+}
+
+cn_status cn_check_path(struct cn_reader *reader, int node, void *base)
+{
+    const cn_path_spec *path = base;
+    if (path->region == CN_REGION_BAND && !(path->band_min < path->band_max))
+        return cn_reader_refuse(reader, node, "region",
+                                "the band's max, %.10g m, is not above its min, %.10g m", path->band_max,
+                                path->band_min);
+    for (int i = 0; i < 3; i++)
+        if (path->region == CN_REGION_BOX && !(path->box[0][i] <= path->box[1][i]))
+            return cn_reader_refuse(reader, node, "region",
+                                    "the box's max %c, %.10g, is below its min, %.10g", "xyz"[i],
+                                    path -> box[1][i], path -> box[0][i]);
+    return CN_OK;
+}
+
+cn_status cn_check_body(struct cn_reader *reader, int node, void *base)
+{
+    const cn_body_spec *body = base;
+    const bool catheter = body->shape.kind == CN_SHAPE_CATHETER;
+    if (body->model == CN_BODY_ROD && body->shape.kind == CN_SHAPE_FILE)
+        return cn_reader_refuse(reader, node, "model",
+                                "a rod needs an axis: the shape must be a catheter or a beam");
+    for (int i = 0; i < body->material.nregion; i++)
+        if (!body->material.region[i].by_box && !catheter)
+            return cn_reader_refuse(reader, node, "material",
+                                    "region %d is given along the axis, but only a catheter has one", i);
+    if (body->deadline < INFINITY && body->nwaypoint == 0)
+        return cn_reader_refuse(reader, node, "deadline", "there are no waypoints to reach by it");
+    return CN_OK;
+}
+
+typedef struct {
+    const char *name;
+    int node, order;
+} named_t;
+
+static int by_name(const void *a, const void *b)
+{
+    const named_t *x = a, *y = b;
+    const int c = strcmp(x->name, y->name);
+    return c ? c : x->order - y->order;
+}
+
+/* Names of vessels, obstacles and bodies are unique: limits, frames and reports speak of them by name. */
+static cn_status check_names(struct cn_reader *reader, int node, const cn_scene *scene)
+{
+    static const char *const lists[] = {"vessels", "obstacles", "bodies"};
+    const int count[] = {scene->nvessel, scene->nobstacle, scene->nbody};
+    const int n = count[0] + count[1] + count[2];
+    named_t *named = calloc((size_t)n + 1, sizeof *named);
+    cn_status status = CN_OK;
+    int k = 0;
+
+    if (!named) return CN_ERR_MEMORY;
+    for (int i = 0; i < 3; i++) {
+        const int list = cn_reader_child(reader, node, lists[i]);
+        int entry = list < 0 ? -1 : cn_reader_first(reader, list);
+        for (int j = 0; j < count[i] && entry >= 0; j++, k++, entry = cn_reader_next(reader, entry))
+            named[k] = (named_t){i == 0   ? scene->vessel[j].name
+                                 : i == 1 ? scene->obstacle[j].name
+                                          : scene->body[j].name,
+                                 entry, k};
+    }
+    qsort(named, (size_t)k, sizeof *named, by_name);
+    for (int i = 1; i < k && status == CN_OK; i++)
+        if (!strcmp(named[i].name, named[i - 1].name))
+            status = cn_reader_refuse(reader, named[i].node, "name", "\"%s\" is already another's name",
+                                      named[i].name);
+    free(named);
+    return status;
+}
+
+static bool has_surface(const cn_scene *scene, const char *name)
+{
+    for (int i = 0; i < scene->nvessel; i++)
+        if (!strcmp(scene->vessel[i].name, name)) return true;
+    for (int i = 0; i < scene->nobstacle; i++)
+        if (!strcmp(scene->obstacle[i].name, name)) return true;
+    return false;
+}
+
+cn_status cn_check_scene(struct cn_reader *reader, int node, void *base)
+{
+    cn_scene *scene = base;
+    const int bodies = cn_reader_child(reader, node, "bodies");
+    int entry = cn_reader_first(reader, bodies);
+    cn_status status;
+
+    if (!(scene->step <= scene->time_limit))
+        return cn_reader_refuse(reader, node, "step", "%.10g s is longer than the time limit, %.10g s",
+                                scene->step, scene->time_limit);
+    if ((status = check_names(reader, node, scene)) != CN_OK) return status;
+    for (int i = 0; i < scene->nbody; i++, entry = cn_reader_next(reader, entry)) {
+        cn_path_spec *path = &scene->body[i].path;
+        if ((int)path->sampling == CN_AUTO)
+            path->sampling = scene->nvessel ? CN_SAMPLING_MEDIAL_AXIS : CN_SAMPLING_UNIFORM;
+        if (path->region == CN_REGION_BAND && !has_surface(scene, path->band_surface))
+            return cn_reader_refuse(reader, entry, "path",
+                                    "the band's surface \"%s\" is no vessel or obstacle", path->band_surface);
+    }
+    return CN_OK;
+}
