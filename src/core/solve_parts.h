@@ -1,0 +1,46 @@
+/* solve_parts.h - the solvers that solve.c chooses from. Each takes the held nodes (n, nonzero: row and
+ * column are identity: fixed or not active) apart from the matrix, and is analysed once, factored and solved
+ * many times; factor and solve allocate nothing of their own. The matrix given to factor must live until the
+ * last solve. */
+#ifndef CN_SOLVE_PARTS_H
+#define CN_SOLVE_PARTS_H
+
+#include "solve.h"
+
+/* A pivot that is not above this part of its row's own diagonal entry is rounding: not positive definite. */
+#define CN_PIVOT_MIN 4e-15
+
+/* Finds levels so that nodes of level l couple to l-1, l, l+1 only: breadth first from a node far from the
+ * others, component after component. level (n). CN_ERR_MEMORY. */
+cn_status cn_levels_find(const cn_matrix *pattern, int *level);
+/* Whether `level` (n, >= 0) is such a structure. */
+bool cn_levels_check(const cn_matrix *pattern, const int *level);
+/* Flops of one factorisation by levels [multiplications and additions], and the factor's doubles. */
+cn_status cn_levels_cost(const cn_matrix *pattern, const int *level, double *flops, double *size);
+
+/* Block-tridiagonal Cholesky from both ends of the levels to a fixed meeting level. `width`: widest vector to
+ * use in doubles (8: AVX-512, 4: AVX2, 2), 0: the machine's best. */
+typedef struct cn_chain cn_chain;
+cn_status cn_chain_new(cn_chain **out, const cn_matrix *pattern, const int *level, int width);
+void cn_chain_free(cn_chain *chain);
+cn_status cn_chain_factor(cn_chain *chain, const cn_matrix *a, const unsigned char *held, cn_pool *pool);
+void cn_chain_solve(cn_chain *chain, const double *b, double *x,
+                    cn_pool *pool); /* held x: left as they are */
+
+/* CHOLMOD, analysed over the whole pattern: held nodes are eliminated as identity rows and save no time. */
+typedef struct cn_sparse cn_sparse;
+cn_status cn_sparse_new(cn_sparse **out, const cn_matrix *pattern);
+void cn_sparse_free(cn_sparse *sparse);
+void cn_sparse_cost(const cn_sparse *sparse, double *flops, double *size, bool *supernodal);
+cn_status cn_sparse_factor(cn_sparse *sparse, const cn_matrix *a, const unsigned char *held);
+cn_status cn_sparse_solve(cn_sparse *sparse, const unsigned char *held, const double *b, double *x);
+
+/* Conjugate gradients with the inverted 3x3 diagonal blocks as preconditioner. */
+typedef struct cn_cg cn_cg;
+cn_status cn_cg_new(cn_cg **out, const cn_matrix *pattern);
+void cn_cg_free(cn_cg *cg);
+cn_status cn_cg_factor(cn_cg *cg, const cn_matrix *a, int nactive, const unsigned char *held);
+cn_status cn_cg_solve(cn_cg *cg, const double *b, double *x, double tolerance, int max_iterations,
+                      int *iterations, double *residual, cn_pool *pool);
+
+#endif
