@@ -17,6 +17,8 @@
 
 typedef double v8 __attribute__((vector_size(64), may_alias));
 typedef long long m8 __attribute__((vector_size(64), may_alias)); /* -1: true */
+typedef double v4 __attribute__((vector_size(32), may_alias, aligned(8)));
+typedef long long m4 __attribute__((vector_size(32)));
 #define INLINE static inline __attribute__((always_inline))
 
 enum { NEWTON_MAX = 8 };   /* a warm start a radian off needs 5 */
@@ -146,7 +148,10 @@ INLINE void twist_by_eigenvectors(const v8 stretch[6], const v8 *mu, const v8 *p
     v8 a[9] = {stretch[0], stretch[1], stretch[2], stretch[1], stretch[3],
                stretch[4], stretch[2], stretch[4], stretch[5]};
     v8 e[9] = {zero + 1.0, zero, zero, zero, zero + 1.0, zero, zero, zero, zero + 1.0};
-    for (int sweep = 0; sweep < 4; sweep++) {
+    const v8 enough = 1e-30 * (a[0] * a[0] + a[4] * a[4] + a[8] * a[8]);
+    for (int sweep = 0; sweep < 6; sweep++) {
+        const m8 done = a[1] * a[1] + a[2] * a[2] + a[5] * a[5] <= enough;
+        if (all(&done)) break;
         jacobi(a, e, 0, 1);
         jacobi(a, e, 0, 2);
         jacobi(a, e, 1, 2);
@@ -240,23 +245,46 @@ INLINE void stiffness_blocks(const v8 r[9], const v8 b[9], const v8 g[9], const 
         block[0][i] = -(block[1][i] + block[2][i] + block[3][i]);
 }
 
-/* Adds the 16 blocks of each active lane to the matrix. */
-INLINE void add_blocks(v8 block[10][9], double scale, double *value, const int (*index)[16], int active)
+/* From lanes side by side to one lane's numbers side by side: m[i][k] and m[k][i] change places. */
+INLINE void transpose(v4 *m0, v4 *m1, v4 *m2, v4 *m3)
 {
-    static const int at[4][4] = {{0, 1, 2, 3}, {1, 4, 5, 6}, {2, 5, 7, 8}, {3, 6, 8, 9}};
+    const v4 a = __builtin_shuffle(*m0, *m1, (m4){0, 4, 2, 6}),
+             b = __builtin_shuffle(*m0, *m1, (m4){1, 5, 3, 7});
+    const v4 c = __builtin_shuffle(*m2, *m3, (m4){0, 4, 2, 6}),
+             d = __builtin_shuffle(*m2, *m3, (m4){1, 5, 3, 7});
+    *m0 = __builtin_shuffle(a, c, (m4){0, 1, 4, 5}), *m2 = __builtin_shuffle(a, c, (m4){2, 3, 6, 7});
+    *m1 = __builtin_shuffle(b, d, (m4){0, 1, 4, 5}), *m3 = __builtin_shuffle(b, d, (m4){2, 3, 6, 7});
+}
+
+/* Adds a block, row-major, its last number apart. */
+INLINE void add_block(double *to, const v4 *low, const v4 *high, double last)
+{
+    *(v4 *)to += *low, *(v4 *)(to + 4) += *high, to[8] += last;
+}
+
+/* Adds the 16 blocks of each active lane to the matrix. */
+INLINE void add_blocks(const v8 block[10][9], double scale, double *value, const int (*index)[16], int active)
+{
+    static const int upper[10] = {0, 1, 2, 3, 5, 6, 7, 10, 11, 15},
+                     lower[10] = {-1, 4, 8, 12, -1, 9, 13, -1, 14, -1};
     for (int k = 0; k < 10; k++)
-        for (int i = 0; i < 9; i++)
-            block[k][i] *= scale;
-    for (int lane = 0; lane < CN_LANES; lane++) {
-        if (!(active >> lane & 1)) continue;
-        for (int a = 0; a < 4; a++)
-            for (int c = 0; c < 4; c++) {
-                double *to = value + 9 * (size_t)index[lane][4 * a + c];
-                const double *from = (const double *)block[at[a][c]] + lane;
-                for (int i = 0; i < 9; i++)
-                    to[i] += from[CN_LANES * (a <= c ? i : 3 * (i % 3) + i / 3)];
+        for (int half = 0; half < 2; half++) { /* four lanes at a time */
+            v4 m[8];
+            for (int i = 0; i < 8; i++)
+                m[i] = scale * ((const v4 *)&block[k][i])[half];
+            transpose(m, m + 1, m + 2, m + 3);
+            transpose(m + 4, m + 5, m + 6, m + 7);
+            for (int i = 0; i < 4; i++) {
+                const int lane = 4 * half + i;
+                if (!(active >> lane & 1)) continue;
+                const double last = scale * block[k][8][lane];
+                add_block(value + 9 * (size_t)index[lane][upper[k]], m + i, m + 4 + i, last);
+                if (lower[k] < 0) continue;
+                const v4 low = __builtin_shuffle(m[i], m[4 + i], (m4){0, 3, 6, 1});
+                const v4 high = __builtin_shuffle(m[i], m[4 + i], (m4){4, 7, 2, 5});
+                add_block(value + 9 * (size_t)index[lane][lower[k]], &low, &high, last);
             }
-    }
+        }
 }
 
 /* Lanes that take part, as bits. */
