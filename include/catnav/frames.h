@@ -15,8 +15,9 @@ typedef struct cn_frames cn_frames;
 cn_status cn_frames_open(cn_frames **out, const char *folder, cn_error *error);
 cn_status cn_frames_write(cn_frames *frames, const cn_frame *frame, cn_error *error);
 cn_status cn_frames_close(cn_frames *frames, cn_error *error); /* frees */
-/* A surface as .vtp (walls, shown organs), a path as .vtp polyline. */
+/* A surface as .vtp (walls, shown organs), a path as .vtp polyline with its clearance [m]. */
 cn_status cn_surface_write_vtp(const cn_surface *surface, const char *path, cn_error *error);
+cn_status cn_path_write_vtp(const cn_path *path, const char *file, cn_error *error);
 /* header s,x,y,z,clearance,waypoint; metres */
 cn_status cn_path_write_csv(const cn_path *path, const char *file, cn_error *error);
 
