@@ -32,7 +32,7 @@ int cn_verdict_exit(int code);
 
 typedef struct {
     cn_verdict_code code;
-    char message[768];
+    char message[1024];
     bool has_quantity;
     cn_quantity quantity; /* what was broken */
     double value, limit;  /* NAN: undefined */

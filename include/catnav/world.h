@@ -23,14 +23,18 @@ typedef struct {
     int ncap;              /* virtual caps of a vessel's loops, for inside tests only */
     cn_surface *caps;      /* NULL if none; outward normals */
     int *cap_of;           /* loop of each cap triangle (caps->ntri) */
-    double (*cap)[7];      /* centre, unit normal (outward), radius of each cap (ncap) */
+    double (*cap)[7];      /* centre, unit normal (outward), radius of each cap (ncap); the radius reaches all of
+                              the loop, the centre lies level with its innermost vertex */
+    struct cn_tree *cap_tree; /* over caps, NULL if none */
+    bool half_space;       /* a plane: what lies behind it is not free either */
+    double plane[6];       /* its point and unit normal */
     cn_doctor doctor;
 } cn_wall;
 
 /* The map of the free space: cells of the lumen, clearance, ridge. Opaque: src/core/map.c. */
 typedef struct cn_map cn_map;
 
-typedef struct {
+typedef struct cn_world {
     const cn_scene *scene; /* not owned */
     int nwall;
     cn_wall *wall;         /* vessels first, then obstacles, in scene order */
@@ -40,6 +44,8 @@ typedef struct {
     double map_s;          /* wall time its making took [s] */
     struct cn_octree *octree; /* attached by cn_octree_attach, NULL before */
     void (*octree_free)(struct cn_octree *octree);
+    /* Set by a program that has the octree room (cn_octree_attach): a run calls it once the map is made. */
+    cn_status (*octree_attach)(struct cn_world *world, cn_error *error);
 } cn_world;
 
 /* A surface that takes the place of the scene's vessel of that name (or of its only one when "" ). */
@@ -58,6 +64,8 @@ cn_status cn_world_map(cn_world *world, double device_radius, int threads, cn_er
 /* True when p is in the free space: inside the union of vessels (caps close open ends; beyond a cap lies the
  * corridor along its normal within its radius) and outside every closed obstacle. Robust: exact predicates. */
 bool cn_world_free_at(const cn_world *world, const double p[3]);
+/* The same answer, quickly where the map knows it: for many points a step. */
+bool cn_world_free_fast(const cn_world *world, const double p[3]);
 /* Distance to the nearest wall triangle [m]; *iwall, *itri, nearest[3] may be NULL. INFINITY without walls. */
 double cn_world_distance(const cn_world *world, const double p[3], int *iwall, int *itri, double nearest[3]);
 

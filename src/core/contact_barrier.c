@@ -1,0 +1,255 @@
+/* contact_barrier.c - barrier energy, force and stiffness of the listed pairs, and the motion they allow. */
+#include "contact.h"
+
+#include <math.h>
+#include <stddef.h>
+#include "catnav/vec3.h"
+#include "geometry.h"
+
+enum { CHUNK = 64 }; /* pairs a task; fixed, so that results do not depend on the threads */
+
+/* Where two primitives are nearest: weights of the body's nodes, unit direction from wall to body. */
+typedef struct {
+    int n;               /* body nodes */
+    double weight[3];    /* of them, sum 1 */
+    double direction[3]; /* d distance / d node = weight * direction */
+    double wall[3];      /* nearest point of the wall */
+    double distance;
+} nearest;
+
+static void nearest_of(const cn_pair *pair, const double *x, const double *y, nearest *out)
+{
+    const int *a = pair->a, *b = pair->b;
+    double body[3] = {0, 0, 0}, bary[3], s, t;
+
+    switch (pair->kind) {
+    case CN_PAIR_NODE_TRIANGLE:
+        out->n = 1, out->weight[0] = 1;
+        cn_copy3(x + 3 * a[0], body);
+        out->distance = cn_point_triangle(body, y + 3 * b[0], y + 3 * b[1], y + 3 * b[2], bary);
+        for (int k = 0; k < 3; k++)
+            out->wall[k] = bary[0] * y[3 * b[0] + k] + bary[1] * y[3 * b[1] + k] + bary[2] * y[3 * b[2] + k];
+        break;
+    case CN_PAIR_TRIANGLE_VERTEX:
+        out->n = 3;
+        out->distance =
+            cn_point_triangle(y + 3 * b[0], x + 3 * a[0], x + 3 * a[1], x + 3 * a[2], out->weight);
+        for (int k = 0; k < 3; k++)
+            cn_axpy(out->weight[k], x + 3 * a[k], body);
+        cn_copy3(y + 3 * b[0], out->wall);
+        break;
+    default:
+        out->n = 2;
+        out->distance = cn_edge_edge(x + 3 * a[0], x + 3 * a[1], y + 3 * b[0], y + 3 * b[1], &s, &t);
+        out->weight[0] = 1 - s, out->weight[1] = s;
+        for (int k = 0; k < 3; k++) {
+            body[k] = (1 - s) * x[3 * a[0] + k] + s * x[3 * a[1] + k];
+            out->wall[k] = (1 - t) * y[3 * b[0] + k] + t * y[3 * b[1] + k];
+        }
+    }
+    cn_sub(body, out->wall, out->direction);
+    cn_normalise(out->direction);
+}
+
+/* m(c) of near-parallel edges, c = |ea x eb|^2; its derivative by ea in dm. */
+static double mollifier(const cn_pair *pair, const double *x, const double *y, double dm[3])
+{
+    double ea[3], eb[3], n[3];
+    dm[0] = dm[1] = dm[2] = 0;
+    if (pair->kind != CN_PAIR_EDGES) return 1;
+    cn_sub(x + 3 * pair->a[1], x + 3 * pair->a[0], ea);
+    cn_sub(y + 3 * pair->b[1], y + 3 * pair->b[0], eb);
+    cn_cross(ea, eb, n);
+    const double c = cn_norm2(n), e = pair->mollify;
+    if (c >= e) return 1;
+    const double slope = 2 / e * (1 - c / e), bb = cn_norm2(eb), ab = cn_dot(ea, eb);
+    for (int k = 0; k < 3; k++)
+        dm[k] = slope * 2 * (bb * ea[k] - ab * eb[k]);
+    return c / e * (2 - c / e);
+}
+
+/* b, b', b'' of -(d - g)^2 ln(d / g). */
+static void barrier(double d, double g, double *b, double *b1, double *b2)
+{
+    const double l = log(d / g), h = d - g;
+    *b = -h * h * l;
+    *b1 = -2 * h * l - h * h / d;
+    *b2 = -2 * l - 4 * h / d + h * h / (d * d);
+}
+
+static double moved(const cn_contact *contact, const cn_pair *pair, const double *x)
+{
+    const int n = pair->kind == CN_PAIR_NODE_TRIANGLE ? 1 : pair->kind == CN_PAIR_EDGES ? 2 : 3;
+    double most = 0;
+    for (int k = 0; k < n; k++) {
+        const double d = cn_distance(x + 3 * pair->a[k], contact->from + 3 * pair->a[k]);
+        most = d > most ? d : most;
+    }
+    return most;
+}
+
+typedef struct {
+    const cn_contact_model *model;
+    cn_contact *contact;
+    const double *x, *dx;
+    double keep;
+} pass;
+
+static void measure_chunk(void *user, int chunk)
+{
+    const pass *p = user;
+    cn_contact *contact = p->contact;
+    const int end = chunk * CHUNK + CHUNK < contact->npair ? chunk * CHUNK + CHUNK : contact->npair;
+    for (int i = chunk * CHUNK; i < end; i++) {
+        const cn_pair *pair = &contact->pair[i];
+        const double lower = pair->found - moved(contact, pair, p->x);
+        if (lower > contact->gap_listed) {
+            contact->distance[i] = lower;
+            continue;
+        }
+        nearest at;
+        nearest_of(pair, p->x, p->model->world->wall[pair->wall].surface->vert, &at);
+        contact->distance[i] = at.distance;
+    }
+}
+
+static int chunks(const cn_contact *contact)
+{
+    return (contact->npair + CHUNK - 1) / CHUNK;
+}
+
+double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
+                      double scale, cn_matrix *a, cn_pool *pool)
+{
+    pass p = {.model = model, .contact = contact, .x = x};
+    double energy = 0;
+
+    cn_pool_run(pool, chunks(contact), measure_chunk, &p);
+    for (int i = 0; i < contact->npair; i++) {
+        const cn_pair *pair = &contact->pair[i];
+        if (!(contact->distance[i] < model->gap)) continue;
+        if (!(contact->distance[i] > 0)) return INFINITY;
+        const double *y = model->world->wall[pair->wall].surface->vert;
+        double b, b1, b2, dm[3];
+        nearest at;
+        nearest_of(pair, x, y, &at);
+        barrier(at.distance, model->gap, &b, &b1, &b2);
+        const double m = mollifier(pair, x, y, dm);
+        energy += model->kappa * m * b;
+        for (int k = 0; f && k < at.n; k++) {
+            cn_axpy(-model->kappa * m * b1 * at.weight[k], at.direction, f + 3 * pair->a[k]);
+            if (pair->kind == CN_PAIR_EDGES) cn_axpy((k ? -1 : 1) * model->kappa * b, dm, f + 3 * pair->a[k]);
+        }
+        for (int k = 0; a && k < at.n; k++)
+            for (int l = 0; l < at.n; l++) {
+                double *block = a->value + 9 * (size_t)cn_matrix_find(a, pair->a[k], pair->a[l]);
+                const double s = scale * model->kappa * m * b2 * at.weight[k] * at.weight[l];
+                for (int r = 0; r < 3; r++)
+                    for (int c = 0; c < 3; c++)
+                        block[3 * r + c] += s * at.direction[r] * at.direction[c];
+            }
+    }
+    return energy;
+}
+
+double cn_contact_least(const cn_contact *contact)
+{
+    double least = INFINITY;
+    for (int i = 0; i < contact->npair; i++)
+        least = contact->distance[i] < least ? contact->distance[i] : least;
+    return least;
+}
+
+/* Each chunk notes the largest fraction its pairs allow. */
+static void motion_chunk(void *user, int chunk)
+{
+    const pass *p = user;
+    cn_contact *contact = p->contact;
+    const int end = chunk * CHUNK + CHUNK < contact->npair ? chunk * CHUNK + CHUNK : contact->npair;
+    double most = 1;
+    for (int i = chunk * CHUNK; i < end; i++) {
+        const cn_pair *pair = &contact->pair[i];
+        const double *y = p->model->world->wall[pair->wall].surface->vert;
+        const int na = pair->kind == CN_PAIR_NODE_TRIANGLE ? 1 : pair->kind == CN_PAIR_EDGES ? 2 : 3;
+        const int nb = 4 - na, first = pair->kind == CN_PAIR_TRIANGLE_VERTEX ? 1 : 0;
+        double q[4][3], dq[4][3] = {{0}}, travel = 0;
+        for (int k = 0; k < na; k++) {
+            const double step = cn_norm(p->dx + 3 * pair->a[k]);
+            travel = step > travel ? step : travel;
+        }
+        if (contact->distance[i] * (1 - p->keep) > travel) continue;
+        for (int k = 0; k < na; k++) {
+            cn_copy3(p->x + 3 * pair->a[k], q[first + k]);
+            cn_copy3(p->dx + 3 * pair->a[k], dq[first + k]);
+        }
+        for (int k = 0; k < nb; k++)
+            cn_copy3(y + 3 * pair->b[k], q[first ? 0 : na + k]);
+        const double gap = p->keep * contact->distance[i];
+        const double time = pair->kind == CN_PAIR_EDGES
+                                ? cn_ccd_edge_edge((const double(*)[3])q, (const double(*)[3])dq, gap)
+                                : cn_ccd_point_triangle((const double(*)[3])q, (const double(*)[3])dq, gap);
+        most = time < most ? time : most;
+    }
+    contact->limit[chunk] = most;
+}
+
+double cn_contact_motion(const cn_contact_model *model, cn_contact *contact, const double *x,
+                         const double *dx, double keep, cn_pool *pool)
+{
+    pass p = {.model = model, .contact = contact, .x = x, .dx = dx, .keep = keep};
+    double most = 1;
+    cn_pool_run(pool, chunks(contact), measure_chunk, &p);
+    cn_pool_run(pool, chunks(contact), motion_chunk, &p);
+    for (int c = 0; c < chunks(contact); c++)
+        most = contact->limit[c] < most ? contact->limit[c] : most;
+    return most;
+}
+
+static int root_of(int *parent, int i)
+{
+    while (parent[i] != i)
+        i = parent[i] = parent[parent[i]];
+    return i;
+}
+
+double cn_contact_patch_force(const cn_contact_model *model, cn_contact *contact, const double *x,
+                              double where[3], int *wall)
+{
+    double largest = 0;
+    where[0] = where[1] = where[2] = NAN;
+    *wall = -1;
+    /* first pass: join the wall vertices of each touching pair; second: sum forces; third: the largest */
+    for (int round = 0; round < 4; round++)
+        for (int i = 0; i < contact->npair; i++) {
+            const cn_pair *pair = &contact->pair[i];
+            if (!(contact->distance[i] < model->gap)) continue;
+            const int nb = pair->kind == CN_PAIR_NODE_TRIANGLE ? 3 : pair->kind == CN_PAIR_EDGES ? 2 : 1;
+            const int base = contact->patch_of[pair->wall];
+            if (round == 0) {
+                for (int k = 0; k < nb; k++) {
+                    contact->patch[base + pair->b[k]] = base + pair->b[k];
+                    for (int c = 0; c < 6; c++)
+                        contact->patch_force[6 * (base + pair->b[k]) + c] = 0;
+                }
+            } else if (round == 1) {
+                for (int k = 1; k < nb; k++)
+                    contact->patch[root_of(contact->patch, base + pair->b[k])] =
+                        root_of(contact->patch, base + pair->b[0]);
+            } else if (round == 2) {
+                const double *y = model->world->wall[pair->wall].surface->vert;
+                double b, b1, b2, dm[3];
+                nearest at;
+                nearest_of(pair, x, y, &at);
+                barrier(at.distance, model->gap, &b, &b1, &b2);
+                const double size = -model->kappa * mollifier(pair, x, y, dm) * b1;
+                double *force = contact->patch_force + 6 * root_of(contact->patch, base + pair->b[0]);
+                cn_axpy(size, at.direction, force);
+                cn_copy3(at.wall, force + 3);
+            } else {
+                const double *force = contact->patch_force + 6 * root_of(contact->patch, base + pair->b[0]);
+                const double size = cn_norm(force);
+                if (size > largest) largest = size, cn_copy3(force + 3, where), *wall = pair->wall;
+            }
+        }
+    return largest;
+}

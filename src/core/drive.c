@@ -1,0 +1,195 @@
+/* drive.c - the follow drive: path-following and goal-seeking forces (Moss, Lin, Manocha 2008, section 4.2).
+ *
+ * All forces are accelerations times nodal mass, so that refining a mesh does not change their sum. Gains
+ * come from the scene's own scales: goal seeking    c (u - v), c = 1/(2 dt), u = speed towards the milestone,
+ * falling linearly over the last `lookahead` of k (L - L_rest); this is the paper's spring with its
+ * mass-proportional damping. path following  zero up to path_distance, linear to full weight at twice that.
+ * Full weight = speed/dt (turns the drive's own speed round in one step) plus, for a beam, the lateral load
+ * EI kappa / l^2 per length that bends it to the path's curvature kappa within l = 10 diameters. */
+#include "sim.h"
+
+#include <math.h>
+#include <string.h>
+#include "catnav/vec3.h"
+
+static double lookahead(const cn_model_body *body)
+{
+    const cn_drive_spec *drive = &body->spec->drive;
+    const double run = 10 * drive->speed * body->tick, near = 4 * drive->path_distance;
+    return run > near ? run : near;
+}
+
+/* Arc length at which the drive aims: the last waypoint, but no farther past the next one than its tolerance
+ * allows while that is not reached. */
+static double aim(const cn_model_body *body, const cn_body_state *state, const cn_path *path)
+{
+    const int next = state->waypoint < path->nwaypoint ? state->waypoint : path->nwaypoint - 1;
+    const double s = path->s[path->waypoint[next]], end = cn_path_length(path);
+    return state->s_goal > s + body->spec->waypoint_tolerance ? s : end;
+}
+
+static void goal_seeking(const cn_model_body *body, const cn_path *path, double s, double target,
+                         const double *x, const double *v, bool along_only, double acceleration[3])
+{
+    const cn_drive_spec *drive = &body->spec->drive;
+    const double far = lookahead(body), left = fabs(target - s), ahead = left < far ? left : far;
+    cn_place place;
+    double to[3], length, pull[3] = {0, 0, 0};
+    cn_path_at(path, target > s ? s + ahead : s - ahead, &place);
+    cn_sub(place.x, x, to);
+    length = cn_normalise(to);
+    const double stretch = length - drive->rest_length;
+    const double speed = drive->speed * (stretch < far ? stretch / far : 1);
+    cn_axpy(speed, to, pull);
+    if (along_only)
+        cn_axpy(-cn_dot(v, to), to, pull);
+    else
+        cn_axpy(-1, v, pull);
+    for (int k = 0; k < 3; k++)
+        acceleration[k] = 0.5 / body->tick * pull[k];
+}
+
+static double full_weight(const cn_model_body *body, double curvature)
+{
+    const double reach = 10 * body->diameter;
+    const double bend = body->bending > 0 ? body->bending * curvature / (reach * reach) : 0;
+    return body->spec->drive.speed / body->tick + bend;
+}
+
+static void prepare_each(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
+                         cn_drive *drive)
+{
+    const double target = aim(body, state, path), margin = 2 * body->diameter + 2 * lookahead(body);
+    const int group = body->catheter ? body->per_station : 1;
+    double s = state->s_goal, last = 0;
+
+    for (int first = 0; first < state->nfree; first += group) {
+        cn_place place;
+        double seek[3];
+        const double behind = body->behind[first];
+        if (body->catheter) { /* each station has its own nearest place, near where the material says */
+            s -= first ? behind - last : 0;
+            s = cn_path_project(path, state->x + 3 * first, s - margin, s + margin);
+            last = behind;
+        } else {
+            s = state->s_goal - behind;
+        }
+        cn_path_at(path, s, &place);
+        const double full = full_weight(body, place.curvature);
+        goal_seeking(body, path, s, target - behind, state->x + 3 * first, state->v + 3 * first, true, seek);
+        for (int i = first; i < first + group && i < state->nfree; i++) {
+            const double mass = body->body->mass[i];
+            for (int k = 0; k < 3; k++) {
+                drive->force[3 * i + k] = mass * seek[k];
+                drive->centre[3 * i + k] =
+                    place.x[k] + (body->catheter ? state->x[3 * i + k] - state->x[3 * first + k]
+                                                 : body->offset[2 * i] * place.n[k] +
+                                                       body->offset[2 * i + 1] * place.b[k]);
+                drive->tangent[3 * i + k] = place.t[k];
+            }
+            drive->weight[i] = mass * full;
+        }
+    }
+}
+
+static void prepare_uniform(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
+                            cn_drive *drive)
+{
+    const double *x = state->x + 3 * body->goal_node, *v = state->v + 3 * body->goal_node;
+    cn_place place;
+    double a[3], away[3];
+    cn_path_at(path, state->s_goal, &place);
+    goal_seeking(body, path, state->s_goal, aim(body, state, path), x, v, false, a);
+    cn_sub(x, place.x, away);
+    cn_axpy(-cn_dot(away, place.t), place.t, away);
+    const double r = cn_normalise(away), near = drive->distance;
+    const double ramp = r <= near ? 0 : r >= 2 * near ? 1 : (r - near) / near;
+    cn_axpy(-ramp * full_weight(body, place.curvature), away, a);
+    for (int i = 0; i < body->ncontrol; i++)
+        if (body->control[i] < state->nfree)
+            for (int k = 0; k < 3; k++)
+                drive->force[3 * body->control[i] + k] = body->body->mass[body->control[i]] * a[k];
+}
+
+void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, const cn_path *path, double dt,
+                      cn_drive *drive)
+{
+    const size_t n = (size_t)body->body->nnode;
+    memset(drive->force, 0, 3 * n * sizeof *drive->force);
+    memset(drive->weight, 0, n * sizeof *drive->weight);
+    drive->distance = body->spec->drive.path_distance;
+    drive->advance = 0;
+    if (!path) return;
+    if (body->spec->drive.nodes == CN_NODES_EACH)
+        prepare_each(body, state, path, drive);
+    else
+        prepare_uniform(body, state, path, drive);
+    if (body->sheath) { /* the base runs at the drive's speed, slower over the last stretch */
+        const double left = aim(body, state, path) - state->s_goal, far = lookahead(body);
+        const double share = left > far ? 1 : left < -far ? -1 : left / far;
+        drive->advance = share * body->spec->drive.speed * dt;
+        if (state->inserted + drive->advance < 0) drive->advance = -state->inserted;
+    }
+}
+
+double cn_drive_add(const cn_drive *drive, int nfree, const double *x, double *f, double scale, cn_matrix *a)
+{
+    const double near = drive->distance;
+    double energy = 0;
+    for (int i = 0; i < nfree; i++) {
+        const double w = drive->weight[i];
+        if (!(w > 0)) continue;
+        double away[3];
+        const double *t = drive->tangent + 3 * i;
+        cn_sub(x + 3 * i, drive->centre + 3 * i, away);
+        cn_axpy(-cn_dot(away, t), t, away);
+        const double r = cn_normalise(away);
+        if (r <= near) continue;
+        const bool full = r >= 2 * near;
+        const double force = full ? w : w * (r - near) / near; /* d energy / d r */
+        energy += full ? w * (r - 1.5 * near) : 0.5 * w * (r - near) * (r - near) / near;
+        if (f) cn_axpy(-force, away, f + 3 * i);
+        if (!a) continue;
+        const double radial = full ? 0 : w / near, across = force / r;
+        double *block = a->value + 9 * (size_t)a->diagonal[i];
+        for (int k = 0; k < 3; k++)
+            for (int l = 0; l < 3; l++)
+                block[3 * k + l] += scale * (radial * away[k] * away[l] +
+                                             across * ((k == l) - t[k] * t[l] - away[k] * away[l]));
+    }
+    return energy;
+}
+
+void cn_drive_progress(const cn_model_body *body, cn_body_state *state, const cn_path *path)
+{
+    const double *goal = state->x + 3 * body->goal_node;
+    if (!path) return;
+    const double near = 4 * lookahead(body);
+    state->s_goal = cn_path_project(path, goal, state->s_goal - near, state->s_goal + near);
+    while (state->waypoint < body->spec->nwaypoint) {
+        const double *q = body->spec->waypoint + 3 * state->waypoint;
+        const double miss = fabs(cn_distance(goal, q) - body->spec->drive.rest_length);
+        if (!(miss <= body->spec->waypoint_tolerance)) break;
+        if (state->waypoint == body->spec->nwaypoint - 1 &&
+            !(cn_norm(state->v + 3 * body->goal_node) <= 0.1 * body->spec->drive.speed))
+            break;
+        state->waypoint++;
+    }
+}
+
+bool cn_drive_arrived(const cn_model_body *body, const cn_body_state *state)
+{
+    return body->spec->nwaypoint > 0 && state->waypoint >= body->spec->nwaypoint;
+}
+
+void cn_axis_points(const cn_model_body *body, const cn_body_state *state, int *naxis, double *axis)
+{
+    *naxis = 0;
+    if (!body->catheter) return;
+    for (int first = 0; first < state->nfree; first += body->per_station) {
+        double *p = axis + 3 * (*naxis)++;
+        p[0] = p[1] = p[2] = 0;
+        for (int i = first; i < first + body->per_station; i++)
+            cn_axpy(1.0 / body->per_station, state->x + 3 * i, p);
+    }
+}

@@ -1,0 +1,400 @@
+/* run.c - a whole run: doors, map, plan, then step { drive, solve, contact, limits } -> accept, or roll back
+ * and replan, until every waypoint is reached, time is up or nothing leads on. */
+#include "run_parts.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include "catnav/vec3.h"
+
+static bool cancelled(const cn_run_data *run)
+{
+    return run->hooks && run->hooks->cancel && *run->hooks->cancel;
+}
+
+static void stage(cn_run_data *run, cn_stage stage_now, double steps_per_s)
+{
+    if (!run->hooks || !run->hooks->progress) return;
+    cn_progress p = {
+        .stage = stage_now, .time_limit = run->scene->time_limit, .replans = run->report->replans};
+    for (int b = 0; b < run->nbody; b++) {
+        p.nwaypoint += run->spec[b].nwaypoint;
+        if (run->state) p.waypoint += run->state->body[b].waypoint;
+    }
+    if (run->state) p.time = run->state->time, p.step = run->state->step;
+    p.steps_per_s = steps_per_s;
+    p.margin = cn_run_margin(run, &p.margin_of);
+    run->hooks->progress(run->hooks->user, &p);
+}
+
+/* The verdict that a failed part of the preparation amounts to. */
+static void refuse(cn_run_data *run, cn_status status)
+{
+    const char *said = run->error.message[0] ? run->error.message : cn_status_text(status);
+    const cn_verdict_code code =
+        status == CN_ERR_NO_PATH     ? CN_VERDICT_NO_PATH
+        : status == CN_ERR_TIMEOUT   ? CN_VERDICT_TIMEOUT
+        : status == CN_ERR_CANCELLED ? CN_VERDICT_CANCELLED
+        : status == CN_ERR_SINGULAR || status == CN_ERR_NOT_FINITE || status == CN_ERR_MEMORY
+            ? CN_VERDICT_NUMERICS
+            : CN_VERDICT_BAD_INPUT;
+    if (status == CN_ERR_TIMEOUT) run->report->reproducible = false;
+    if (run->error.file[0] && run->error.line > 0)
+        cn_run_verdict(run, code, "%s:%d: %s", run->error.file, run->error.line, said);
+    else if (run->error.file[0])
+        cn_run_verdict(run, code, "%s: %s", run->error.file, said);
+    else
+        cn_run_verdict(run, code, "%s", said);
+}
+
+static cn_status make_map(cn_run_data *run)
+{
+    double radius = 0;
+    cn_status status;
+    for (int b = 0; b < run->nbody; b++)
+        if (run->spec[b].shape.kind == CN_SHAPE_CATHETER)
+            radius = fmax(radius, 0.5 * run->spec[b].shape.catheter.diameter);
+    if (!run->world->map && run->world->nwall > 0) {
+        stage(run, CN_STAGE_MAP, 0);
+        const double start = cn_seconds();
+        if ((status = cn_world_map(run->world, radius, run->threads, &run->error)) != CN_OK) return status;
+        if (run->world->octree_attach && !run->world->octree &&
+            (status = run->world->octree_attach(run->world, &run->error)) != CN_OK)
+            return status;
+        run->world->map_s = cn_seconds() - start;
+    }
+    return CN_OK;
+}
+
+static cn_status prepare(cn_run_data *run)
+{
+    cn_status status;
+    bool planned = false;
+    if ((status = cn_run_specs(run)) != CN_OK) return status;
+    if ((status = cn_run_supported(run)) != CN_OK) return status;
+    for (int b = 0; b < run->nbody; b++)
+        planned |= run->spec[b].nwaypoint > 0;
+    if (!(run->body = calloc((size_t)run->nbody + 1, sizeof *run->body))) return CN_ERR_MEMORY;
+    if (!(run->report->body = calloc((size_t)run->nbody + 1, sizeof *run->report->body)))
+        return CN_ERR_MEMORY;
+    int nlimit = 0;
+    for (int b = 0; b < run->nbody; b++)
+        nlimit += run->spec[b].nlimit;
+    if (!(run->report->limit = calloc((size_t)nlimit + 1, sizeof *run->report->limit))) return CN_ERR_MEMORY;
+    for (int b = 0; b < run->nbody; b++) {
+        snprintf(run->report->body[b].name, sizeof run->report->body[b].name, "%s", run->spec[b].name);
+        run->body[b].first_limit = run->report->nlimit;
+        for (int i = 0; i < run->spec[b].nlimit; i++) {
+            cn_limit_report *l = &run->report->limit[run->report->nlimit++];
+            *l = (cn_limit_report){.limit = run->spec[b].limit[i],
+                                   .worst = NAN,
+                                   .step = -1,
+                                   .element = -1,
+                                   .time = NAN,
+                                   .position = {NAN, NAN, NAN}};
+            snprintf(l->body, sizeof l->body, "%s", run->spec[b].name);
+        }
+    }
+    if ((status = make_map(run)) != CN_OK) return status;
+    if ((status = cn_run_places(run)) != CN_OK) return status;
+    if (planned && !run->world->map)
+        return cn_fail(
+            &run->error, CN_ERR_SCENE, run->scene->path, 0,
+            "waypoints need vessels or obstacles to plan among: add one, or leave the waypoints out");
+    if ((status = cn_pool_new(&run->pool, run->threads)) != CN_OK) return status;
+    /* a catheter without a direction takes the path's: it is planned before its mesh is laid */
+    stage(run, CN_STAGE_PLAN, 0);
+    for (int b = 0; b < run->nbody; b++)
+        if (run->spec[b].shape.kind == CN_SHAPE_CATHETER && (status = cn_run_plan_body(run, b)) != CN_OK)
+            return status;
+    if ((status = cn_model_new(&run->model, run->scene, run->world, run->nbody, run->spec, &run->error)) !=
+        CN_OK)
+        return status;
+    for (int b = 0; b < run->nbody; b++)
+        if (run->spec[b].shape.kind != CN_SHAPE_CATHETER && (status = cn_run_plan_body(run, b)) != CN_OK)
+            return status;
+    if ((status = cn_state_new(&run->state, run->model)) != CN_OK) return status;
+    if ((status = cn_state_new(&run->trial, run->model)) != CN_OK) return status;
+    if ((status = cn_state_new(&run->spare, run->model)) != CN_OK) return status;
+    for (int b = 0; b < run->nbody; b++) {
+        if ((status = cn_work_new(&run->body[b].work, run->model, b, run->pool, &run->error)) != CN_OK)
+            return status;
+        run->body[b].von_mises = calloc((size_t)run->model->body[b].body->ntet + 1, sizeof(double));
+        if (!run->body[b].von_mises) return CN_ERR_MEMORY;
+        cn_drive_progress(&run->model->body[b], &run->state->body[b], run->body[b].path);
+        run->state->body[b].progress = -INFINITY;
+    }
+    return CN_OK;
+}
+
+/* True when a body begins inside a wall: named, not shaken out. */
+static bool bad_start(cn_run_data *run)
+{
+    if (run->scene->contact.method == CN_CONTACT_NONE) return false;
+    for (int b = 0; b < run->nbody; b++) {
+        cn_findings found;
+        if (cn_work_check(run->model, b, run->state, run->body[b].work, &found) != CN_OK) continue;
+        if (!found.intersections && !found.outside) continue;
+        const char *wall = found.wall >= 0 ? run->world->wall[found.wall].name : "the walls";
+        cn_run_verdict(run, CN_VERDICT_NO_CONTACT_FREE_START,
+                       "%s starts inside %s: %d crossing triangle pairs (first: its triangle %d with wall "
+                       "triangle %d), %d "
+                       "points outside the free space, %.3g m deep, near [%.4f %.4f %.4f] m: move its start",
+                       run->spec[b].name, wall, found.intersections, found.body_triangle, found.wall_triangle,
+                       found.outside, found.depth, found.where[0], found.where[1], found.where[2]);
+        snprintf(run->report->verdict.body, sizeof run->report->verdict.body, "%s", run->spec[b].name);
+        run->report->verdict.value = found.depth;
+        cn_copy3(found.where, run->report->verdict.position);
+        return true;
+    }
+    return false;
+}
+
+/* One whole step of a body: in halves, quarters, ... where it does not converge. */
+static cn_status advance(cn_run_data *run, int b, cn_step_figures *figures)
+{
+    cn_run_body *body = &run->body[b];
+    const double dt = run->model->dt;
+    cn_status status = CN_ERR_CONVERGENCE;
+    for (int parts = 1; parts <= 64; parts *= 4) {
+        const cn_state *from = run->state;
+        cn_step_figures part;
+        *figures = (cn_step_figures){.gap = INFINITY};
+        for (int i = 0; i < parts; i++) {
+            status = cn_step(run->model, b, from, run->trial, body->path, dt / parts, body->work, &part);
+            for (int grown = 0; status == CN_ERR_CONTACT && grown < 6; grown++) {
+                if (cn_work_grow(body->work) != CN_OK) return CN_ERR_MEMORY;
+                status = cn_step(run->model, b, from, run->trial, body->path, dt / parts, body->work, &part);
+            }
+            figures->newton = part.newton > figures->newton ? part.newton : figures->newton;
+            figures->linear = part.linear > figures->linear ? part.linear : figures->linear;
+            figures->fem_s += part.fem_s, figures->collision_s += part.collision_s;
+            if (status != CN_OK) break;
+            const double residual =
+                cn_step_residual(run->model, b, from, run->trial, body->path, dt / parts, body->work);
+            figures->residual = fmax(figures->residual, residual);
+            figures->force = fmax(figures->force, part.force), figures->work += part.work;
+            if (!(part.wall_force <= figures->wall_force)) {
+                figures->wall_force = part.wall_force;
+                cn_copy3(part.wall_where, figures->wall_where);
+            }
+            figures->gap = fmin(figures->gap, part.gap), figures->findings = part.findings;
+            if (i + 1 < parts) {
+                run->trial->time = from->time + dt / parts;
+                cn_state_copy(run->spare, run->trial);
+                from = run->spare;
+            }
+        }
+        if (status == CN_OK || status == CN_ERR_MEMORY || run->model->single) return status;
+        run->report->rejected_steps++;
+    }
+    return status;
+}
+
+static void numerics(cn_run_data *run, int b, cn_status status)
+{
+    const double *at = run->state->body[b].x + 3 * run->model->body[b].goal_node;
+    cn_run_verdict(
+        run, CN_VERDICT_NUMERICS,
+        "%s: step %d at t = %.4f s cannot be computed (%s), also in 64 parts; the last good state is kept%s",
+        run->spec[b].name, run->state->step + 1, run->state->time, cn_status_text(status),
+        status == CN_ERR_SINGULAR ? ": hold the body (`fixed`) or give it a density" : "");
+    snprintf(run->report->verdict.body, sizeof run->report->verdict.body, "%s", run->spec[b].name);
+    run->report->verdict.step = run->state->step, run->report->verdict.time = run->state->time;
+    cn_copy3(at, run->report->verdict.position);
+}
+
+/* A limit broke: back to a checkpoint on another way, or the verdict. */
+static bool go_another_way(cn_run_data *run, int b, const cn_verdict *broken)
+{
+    cn_report *report = run->report;
+    char why[128] = "";
+    report->rejected_steps++;
+    if (run->body[b].path && report->replans < run->scene->planner.replans) {
+        stage(run, CN_STAGE_PLAN, 0);
+        run->error = (cn_error){0};
+        const cn_status status = cn_run_replan(run, b);
+        if (status == CN_OK) {
+            report->replans++;
+            CN_LOG(CN_LOG_INFO, "replan %d: %s", report->replans, broken->message);
+            return true;
+        }
+        if (status == CN_ERR_CANCELLED || status == CN_ERR_TIMEOUT || status == CN_ERR_MEMORY) {
+            refuse(run, status);
+            return false;
+        }
+        snprintf(why, sizeof why, "; no other way leads on after %d replans", report->replans);
+    } else if (run->body[b].path) {
+        snprintf(why, sizeof why, "; all %d replans are used up", run->scene->planner.replans);
+    }
+    report->verdict = *broken;
+    const size_t said = strlen(report->verdict.message);
+    snprintf(report->verdict.message + said, sizeof report->verdict.message - said, "%s", why);
+    return false;
+}
+
+static bool all_arrived(const cn_run_data *run)
+{
+    bool any = false;
+    for (int b = 0; b < run->nbody; b++) {
+        if (run->spec[b].nwaypoint == 0) continue;
+        any = true;
+        if (!cn_drive_arrived(&run->model->body[b], &run->state->body[b])) return false;
+    }
+    return any;
+}
+
+static void drive_on(cn_run_data *run)
+{
+    double shown = cn_seconds();
+    int shown_step = 0;
+    const int last = (int)ceil(run->scene->time_limit / run->scene->step - 1e-9);
+
+    for (int b = 0; b < run->nbody; b++)
+        if (run->body[b].path) cn_run_checkpoint(run, b);
+    cn_run_frame(run, run->state);
+    while (run->state->step < last) {
+        cn_verdict broken;
+        int broken_body = -1;
+        const double start = cn_seconds();
+        cn_step_figures figures = {.gap = INFINITY};
+        if (cancelled(run)) {
+            cn_run_verdict(run, CN_VERDICT_CANCELLED, "cancelled at step %d, t = %.3f s", run->state->step,
+                           run->state->time);
+            return;
+        }
+        cn_state_copy(run->trial, run->state);
+        for (int b = 0; b < run->nbody && broken_body < 0; b++) {
+            cn_step_figures one;
+            const cn_status status = advance(run, b, &one);
+            if (status != CN_OK) {
+                numerics(run, b, status);
+                return;
+            }
+            run->trial->step = run->state->step + 1, run->trial->time = run->state->time + run->model->dt;
+            if (cn_run_limits(run, b, run->trial, &one, &broken)) broken_body = b;
+            figures.newton = one.newton > figures.newton ? one.newton : figures.newton;
+            figures.linear = one.linear > figures.linear ? one.linear : figures.linear;
+            figures.residual = fmax(figures.residual, one.residual), figures.gap = fmin(figures.gap, one.gap);
+            figures.force += one.force, figures.work += one.work;
+            figures.wall_force = fmax(figures.wall_force, one.wall_force);
+            figures.fem_s += one.fem_s, figures.collision_s += one.collision_s;
+            figures.findings.intersections += one.findings.intersections;
+            figures.findings.outside += one.findings.outside;
+        }
+        if (broken_body >= 0) {
+            if (!go_another_way(run, broken_body, &broken)) return;
+            continue;
+        }
+        cn_state *accepted = run->trial;
+        run->trial = run->state, run->state = accepted;
+        run->report->steps++;
+        if (cn_run_sample(run, &figures, cn_seconds() - start) != CN_OK) {
+            cn_run_verdict(run, CN_VERDICT_NUMERICS, "out of memory at step %d", run->state->step);
+            return;
+        }
+        for (int b = 0; b < run->nbody; b++)
+            if (run->body[b].path) cn_run_checkpoint(run, b);
+        cn_run_frame(run, run->state);
+        const double now = cn_seconds();
+        if (now - shown > 0.2) {
+            stage(run, CN_STAGE_MOTION, (run->report->steps - shown_step) / (now - shown));
+            shown = now, shown_step = run->report->steps;
+        }
+        if (all_arrived(run)) {
+            cn_run_verdict(run, CN_VERDICT_REACHED,
+                           "every waypoint reached after %d steps, t = %.3f s, %d replans", run->state->step,
+                           run->state->time, run->report->replans);
+            return;
+        }
+    }
+    bool asked = false;
+    for (int b = 0; b < run->nbody; b++)
+        asked |= run->spec[b].nwaypoint > 0;
+    cn_run_verdict(run, asked ? CN_VERDICT_TIMEOUT : CN_VERDICT_RAN,
+                   asked ? "the time limit of %g s simulated was reached before the last waypoint"
+                         : "ran to the time limit of %g s",
+                   run->scene->time_limit);
+}
+
+static void clear(cn_run_data *run)
+{
+    for (int b = 0; run->body && b < run->nbody; b++) {
+        cn_run_body *body = &run->body[b];
+        cn_path_free(body->path);
+        cn_roadmap_clear(&body->roadmap);
+        cn_work_free(body->work);
+        for (int i = 0; i < CN_CHECKPOINTS; i++)
+            cn_state_free(body->checkpoint[i].state);
+        free(body->vertex_s), free(body->von_mises), free(body->refused);
+    }
+    free(run->body);
+    cn_state_free(run->state), cn_state_free(run->trial), cn_state_free(run->spare);
+    cn_model_free(run->model);
+    cn_pool_free(run->pool);
+    free(run->spec), free(run->waypoint), free(run->limit);
+    free(run->fem_ms), free(run->collision_ms), free(run->step_ms);
+}
+
+static void begin(cn_run_data *run, cn_world *world, const cn_request *request, cn_planner planner,
+                  int threads, const cn_run_hooks *hooks, cn_report *report)
+{
+    *run = (cn_run_data){
+        .world = world, .scene = world->scene, .request = request, .planner = planner, .hooks = hooks};
+    run->report = report, run->threads = threads > 0 ? threads : 1;
+    cn_report_refused(report, world->scene, NULL);
+    report->threads = run->threads;
+    report->verdict.code = CN_VERDICT_UNKNOWN;
+    if (request && request->seed) report->seed = *request->seed;
+}
+
+cn_status cn_run(cn_world *world, const cn_request *request, cn_planner planner, int threads,
+                 const cn_run_hooks *hooks, cn_report *report, cn_error *error)
+{
+    if (!world || !report) return cn_fail(error, CN_ERR_ARG, NULL, 0, "cn_run needs a world and a report");
+    cn_run_data run;
+    const double start = cn_seconds();
+    begin(&run, world, request, planner, threads, hooks, report);
+    const cn_status status = prepare(&run);
+    if (status != CN_OK)
+        refuse(&run, status);
+    else if (!bad_start(&run))
+        drive_on(&run);
+    if (run.state) {
+        cn_verdict *verdict = &report->verdict;
+        if (verdict->step < 0) verdict->step = run.state->step, verdict->time = run.state->time;
+        for (int b = 0; b < run.nbody; b++)
+            if (run.state->body[b].waypoint > 0 && verdict->waypoint < run.state->body[b].waypoint)
+                verdict->waypoint = run.state->body[b].waypoint - 1;
+    }
+    cn_run_finish(&run);
+    report->time.wall_s = cn_seconds() - start;
+    if (error) *error = run.error;
+    clear(&run);
+    return CN_OK;
+}
+
+cn_status cn_run_plan(cn_world *world, const cn_request *request, cn_planner planner, int threads,
+                      cn_path **path, cn_report *report, cn_error *error)
+{
+    cn_run_data run;
+    const double start = cn_seconds();
+    *path = NULL;
+    begin(&run, world, request, planner, threads, NULL, report);
+    cn_status status = prepare(&run);
+    if (status != CN_OK) refuse(&run, status);
+    for (int b = 0; status == CN_OK && !*path && b < run.nbody; b++)
+        if (run.body[b].path) {
+            *path = run.body[b].path, run.body[b].path = NULL;
+            cn_run_verdict(&run, CN_VERDICT_REACHED, "path of %g m found for %s", cn_path_length(*path),
+                           run.spec[b].name);
+        }
+    if (status == CN_OK && !*path)
+        cn_run_verdict(&run, CN_VERDICT_BAD_INPUT, "the scene has no waypoints to plan a path through");
+    cn_run_finish(&run);
+    report->time.wall_s = cn_seconds() - start;
+    if (error) *error = run.error;
+    clear(&run);
+    return status;
+}

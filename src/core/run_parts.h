@@ -1,0 +1,79 @@
+/* run_parts.h - the parts of a run: doors, plans, record, limits; private to run*.c. */
+#ifndef CN_RUN_PARTS_H
+#define CN_RUN_PARTS_H
+
+#include "catnav/run.h"
+#include "sim.h"
+
+enum { CN_CHECKPOINTS = 64 };
+
+typedef struct {
+    cn_state *state; /* NULL: unused */
+    double s;        /* of the goal node on the path then in force [m] */
+} cn_checkpoint;
+
+/* What belongs to one body in a run. */
+typedef struct {
+    cn_path *path; /* NULL: no waypoints */
+    cn_roadmap roadmap;
+    double *vertex_s; /* arc lengths of the roadmap vertices on the path (roadmap.npoint) */
+    cn_work *work;
+    double *von_mises; /* (ntet) */
+    cn_measures measures;
+    int nlimit, first_limit; /* in report->limit */
+    int ncheckpoint, next_vertex;
+    cn_checkpoint checkpoint[CN_CHECKPOINTS];
+    int nrefused;
+    cn_ball *refused;
+    int refused_capacity;
+} cn_run_body;
+
+typedef struct {
+    cn_world *world;
+    const cn_scene *scene;
+    const cn_request *request;
+    cn_planner planner;
+    const cn_run_hooks *hooks;
+    cn_report *report;
+    cn_error error;
+    int threads;
+    cn_pool *pool;
+    unsigned seed;
+    double budget;
+    int nbody;
+    cn_body_spec *spec; /* the scene's, as the request changed them (arrays below are the run's own) */
+    double *waypoint;
+    cn_limit *limit;
+    cn_model *model;
+    cn_state *state, *trial, *spare;
+    cn_run_body *body;
+    int nsample, sample_capacity;
+    double *fem_ms, *collision_ms, *step_ms;
+} cn_run_data;
+
+/* run_door.c: what the request asks, and what this build cannot do; refusals in words. */
+cn_status cn_run_specs(cn_run_data *run);
+cn_status cn_run_supported(cn_run_data *run);
+cn_status
+cn_run_places(cn_run_data *run); /* entry and waypoints against the walls; device against the lumen */
+
+/* run_plan.c */
+cn_status cn_run_plan_body(cn_run_data *run, int body);
+/* Refuses the place where a limit broke and plans anew; CN_ERR_NO_PATH when nothing else leads on. */
+cn_status cn_run_replan(cn_run_data *run, int body);
+void cn_run_checkpoint(cn_run_data *run, int body);
+
+/* run_limits.c: measures the trial state; true when a limit is broken, with the verdict filled. */
+bool cn_run_limits(cn_run_data *run, int body, cn_state *trial, const cn_step_figures *figures,
+                   cn_verdict *broken);
+double cn_run_margin(const cn_run_data *run, const char **of);
+
+/* run_record.c */
+void cn_run_verdict(cn_run_data *run, cn_verdict_code code, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double step_s);
+void cn_run_finish(cn_run_data *run); /* counts, times, bodies */
+void cn_run_frame(cn_run_data *run, const cn_state *state);
+double cn_seconds(void);
+
+#endif

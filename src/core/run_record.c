@@ -1,0 +1,225 @@
+/* run_record.c - what a run leaves behind: verdict, samples, frames, the report's figures. */
+#include "run_parts.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include "catnav/vec3.h"
+
+double cn_seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+void cn_run_verdict(cn_run_data *run, cn_verdict_code code, const char *format, ...)
+{
+    cn_verdict *verdict = &run->report->verdict;
+    va_list arguments;
+    verdict->code = code;
+    va_start(arguments, format);
+    vsnprintf(verdict->message, sizeof verdict->message, format, arguments);
+    va_end(arguments);
+}
+
+cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double step_s)
+{
+    if (run->nsample == run->sample_capacity) {
+        const int capacity = 2 * run->sample_capacity + 1024;
+        double **const lists[] = {&run->fem_ms, &run->collision_ms, &run->step_ms};
+        for (int i = 0; i < 3; i++) {
+            double *more = realloc(*lists[i], (size_t)capacity * sizeof *more);
+            if (!more) return CN_ERR_MEMORY;
+            *lists[i] = more;
+        }
+        run->sample_capacity = capacity;
+    }
+    run->fem_ms[run->nsample] = 1e3 * figures->fem_s;
+    run->collision_ms[run->nsample] = 1e3 * figures->collision_s;
+    run->step_ms[run->nsample++] = 1e3 * step_s;
+
+    cn_report *report = run->report;
+    report->time.simulation_s += step_s - figures->collision_s;
+    report->time.collision_s += figures->collision_s;
+    report->solver.newton_max =
+        figures->newton > report->solver.newton_max ? figures->newton : report->solver.newton_max;
+    report->solver.linear_max =
+        figures->linear > report->solver.linear_max ? figures->linear : report->solver.linear_max;
+    report->solver.residual_max = fmax(report->solver.residual_max, figures->residual);
+    report->drive.force_max = fmax(report->drive.force_max, figures->force);
+    report->drive.work += figures->work;
+    report->contact.force_max = fmax(report->contact.force_max, figures->wall_force);
+    if (isfinite(figures->gap) && !(report->contact.gap_min <= figures->gap))
+        report->contact.gap_min = figures->gap;
+    report->contact.intersections += figures->findings.intersections;
+    report->contact.outside_nodes += figures->findings.outside;
+    return CN_OK;
+}
+
+static void body_figures(cn_run_data *run, int b, cn_body_report *out)
+{
+    const cn_model_body *model = &run->model->body[b];
+    const cn_body *body = model->body;
+    const cn_body_state *state = &run->state->body[b];
+    const int held = state->nfree < body->nnode ? model->per_station : 0;
+    double mass = 0;
+    cn_measures m;
+
+    cn_body_measure(body, state->nfree + held, state->x, run->state->body[b].rotation, false, &m, NULL,
+                    run->pool);
+    out->model = run->spec[b].model;
+    out->rest_volume = body->rest_volume, out->volume = m.volume, out->energy = m.energy;
+    cn_copy3(state->x + 3 * model->goal_node, out->goal);
+    cn_copy3(out->goal, out->tip);
+    if (model->catheter) cn_copy3(state->x, out->tip);
+    if (run->spec[b].shape.kind == CN_SHAPE_BEAM) { /* centre of the +x face of the rest shape */
+        double most = -INFINITY;
+        int n = 0;
+        for (int i = 0; i < body->nnode; i++)
+            most = fmax(most, body->rest[3 * i]);
+        out->tip[0] = out->tip[1] = out->tip[2] = 0;
+        for (int i = 0; i < body->nnode; i++)
+            if (body->rest[3 * i] >= most - 1e-9 * model->size) cn_axpy(1, state->x + 3 * i, out->tip), n++;
+        for (int k = 0; k < 3; k++)
+            out->tip[k] /= n;
+    }
+    out->goal_distance = NAN;
+    if (run->spec[b].nwaypoint > 0)
+        out->goal_distance = cn_distance(out->goal, run->spec[b].waypoint + 3 * (run->spec[b].nwaypoint - 1));
+    for (int i = 0; i < body->nnode; i++) {
+        mass += body->mass[i];
+        cn_axpy(body->mass[i], state->x + 3 * i, out->com);
+        cn_axpy(body->mass[i], state->v + 3 * i, out->momentum);
+        out->kinetic += 0.5 * body->mass[i] * cn_norm2(state->v + 3 * i);
+    }
+    for (int k = 0; k < 3; k++)
+        out->com[k] = mass > 0 ? out->com[k] / mass : NAN;
+    for (int i = 0; mass > 0 && i < body->nnode; i++) {
+        double r[3], l[3];
+        cn_sub(state->x + 3 * i, out->com, r);
+        cn_cross(r, state->v + 3 * i, l);
+        cn_axpy(body->mass[i], l, out->angular_momentum);
+    }
+    cn_beam_error e = {NAN, NAN, NAN, NAN, NAN, NAN};
+    if (run->spec[b].shape.kind == CN_SHAPE_CATHETER)
+        cn_beam_error_catheter(&run->spec[b].shape, &run->spec[b].material, &e);
+    if (run->spec[b].shape.kind == CN_SHAPE_BEAM)
+        cn_beam_error_beam(&run->spec[b].shape, &run->spec[b].material, &e);
+    out->error_bending = e.bending, out->error_torsion = e.torsion, out->error_axial = e.axial;
+    out->polygon_bending = e.polygon_bending, out->polygon_torsion = e.polygon_torsion,
+    out->polygon_axial = e.polygon_axial;
+}
+
+static void left_out(cn_run_data *run, const char *what, const char *why)
+{
+    cn_left_out *entry = &run->report->left_out[run->report->nleft_out++];
+    entry->what = what, entry->time_saved_s = NAN, entry->error = NAN;
+    snprintf(entry->why, sizeof entry->why, "%s", why);
+}
+
+void cn_run_finish(cn_run_data *run)
+{
+    cn_report *report = run->report;
+    for (int w = 0; w < run->world->nwall; w++) {
+        report->counts.rigid_nodes += run->world->wall[w].surface->nvert;
+        report->counts.wall_triangles += run->world->wall[w].surface->ntri;
+    }
+    report->time.map_s = run->world->map_s;
+    if (run->model && run->state) {
+        bool stress = false, sheath = false;
+        report->nbody = run->model->nbody;
+        for (int b = 0; b < run->model->nbody; b++) {
+            const cn_body *body = run->model->body[b].body;
+            report->counts.deformable_nodes += body->nnode;
+            report->counts.tets += body->ntet;
+            body_figures(run, b, &report->body[b]);
+            sheath |= run->model->body[b].sheath;
+            for (int i = 0; i < run->spec[b].nlimit; i++)
+                stress |= run->spec[b].limit[i].quantity == CN_QUANTITY_STRESS;
+        }
+        report->counts.nodes = report->counts.deformable_nodes + report->counts.rigid_nodes;
+        report->counts.dof = 3 * report->counts.deformable_nodes;
+        left_out(run, "self_contact", "no body of this scene is tested against itself");
+        left_out(run, "refit", "the walls do not move");
+        left_out(run, "wall_solve", "the walls are rigid");
+        if (!stress && run->scene->leave_out.stress != CN_OFF)
+            left_out(run, "stress", "no limit asks for it");
+        if (sheath)
+            left_out(run, "sheath", "nodes in the introducer sheath move along its axis and are not solved");
+        report->time.simulated_s = run->state->time;
+        report->steps = run->state->step > report->steps ? run->state->step : report->steps;
+    }
+    const int last = run->nsample < 100 ? run->nsample : 100;
+    report->time.step_ms_last100 = cn_spread_of(last, run->step_ms + run->nsample - last);
+    report->time.step_ms = cn_spread_of(run->nsample, run->step_ms);
+    report->time.fem_ms = cn_spread_of(run->nsample, run->fem_ms);
+    report->time.collision_ms = cn_spread_of(run->nsample, run->collision_ms);
+    const double busy = report->time.simulation_s + report->time.collision_s;
+    report->time.real_time_factor = busy > 0 ? report->time.simulated_s / busy : NAN;
+    report->memory_peak_bytes = cn_memory_peak();
+}
+
+void cn_run_frame(cn_run_data *run, const cn_state *state)
+{
+    const cn_run_hooks *hooks = run->hooks;
+    cn_frame frame = {.step = state->step, .time = state->time, .nbody = run->model->nbody};
+    if (!hooks || !hooks->frame || (hooks->wants_frame && !hooks->wants_frame(hooks->user, state->step)))
+        return;
+    cn_frame_body *bodies = calloc((size_t)run->model->nbody, sizeof *bodies);
+    if (!bodies) return; /* a frame less */
+    for (int b = 0; b < run->model->nbody; b++) {
+        const cn_model_body *model = &run->model->body[b];
+        const cn_body_state *at = &state->body[b];
+        const int held = at->nfree < model->body->nnode ? model->per_station : 0;
+        cn_body_measure(model->body, at->nfree + held, at->x, at->rotation, true, &run->body[b].measures,
+                        run->body[b].von_mises, run->pool);
+        bodies[b] = (cn_frame_body){.name = run->spec[b].name,
+                                    .body = model->body,
+                                    .nactive = at->nfree,
+                                    .x = at->x,
+                                    .von_mises = run->body[b].von_mises,
+                                    .stress_limit = INFINITY};
+        for (int i = 0; i < run->spec[b].nlimit; i++)
+            if (run->spec[b].limit[i].quantity == CN_QUANTITY_STRESS &&
+                run->spec[b].limit[i].reduce == CN_REDUCE_MAX)
+                bodies[b].stress_limit = run->spec[b].limit[i].limit;
+    }
+    frame.body = bodies;
+    hooks->frame(hooks->user, &frame);
+    free(bodies);
+}
+
+void cn_report_refused(cn_report *report, const cn_scene *scene, const cn_error *error)
+{
+    memset(report, 0, sizeof *report);
+    report->reproducible = true;
+    if (scene) snprintf(report->scene, sizeof report->scene, "%s", scene->name ? scene->name : "");
+    if (scene) report->seed = scene->seed;
+    report->threads = 1;
+    report->contact.gap_min = NAN;
+    report->path.length = report->path.clearance_min = report->path.turn_max = NAN;
+    report->time.real_time_factor = NAN;
+    const cn_spread none = {NAN, NAN, NAN};
+    report->time.fem_ms = report->time.collision_ms = report->time.step_ms = report->time.step_ms_last100 =
+        none;
+    cn_verdict *verdict = &report->verdict;
+    *verdict = (cn_verdict){.code = CN_VERDICT_BAD_INPUT,
+                            .element = -1,
+                            .step = -1,
+                            .waypoint = -1,
+                            .value = NAN,
+                            .limit = NAN,
+                            .time = NAN,
+                            .position = {NAN, NAN, NAN}};
+    if (error && error->file[0] && error->line > 0)
+        snprintf(verdict->message, sizeof verdict->message, "%s:%d: %s", error->file, error->line,
+                 error->message);
+    else if (error && error->file[0])
+        snprintf(verdict->message, sizeof verdict->message, "%s: %s", error->file, error->message);
+    else
+        snprintf(verdict->message, sizeof verdict->message, "%s", error ? error->message : "refused");
+}

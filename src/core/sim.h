@@ -1,0 +1,145 @@
+/* sim.h - what is fixed in a run (cn_model), what changes (cn_state), and the step between.
+ *
+ * A step solves the implicit Euler equation
+ *     M (v' - v)/dt + C v' = f_elastic(x') + f_drive(x') + f_contact(x') + f_external,  x' = x + dt v'
+ * as the minimum of its incremental potential, by Newton with line search; with `solver.newton: 1` by the one
+ * frozen-rotation solve of the first paper. A step allocates nothing of its own. */
+#ifndef CN_SIM_H
+#define CN_SIM_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include "catnav/body.h"
+#include "catnav/path.h"
+#include "catnav/world.h"
+#include "contact.h"
+#include "pool.h"
+#include "solve.h"
+
+/* Total nodal force of one load, on from `from` until `until` [s]. */
+typedef struct {
+    double from, until;
+    double *force; /* [N] (nnode x 3) */
+} cn_nodal_load;
+
+/* One body as it enters the run. */
+typedef struct {
+    const cn_body_spec *spec;
+    cn_body *body;
+    cn_contact_model *contact; /* NULL: nothing to touch */
+    unsigned char *fixed;      /* held by the scene (nnode) */
+    int nload;
+    cn_nodal_load *load;
+    int goal_node;
+    int ncontrol; /* nodes of a uniform drive */
+    int *control;
+    double *behind; /* rest distance behind the goal node [m]      (nnode)     */
+    double *offset; /* rest offset in the section, n and b [m]     (nnode x 2) */
+    /* a catheter: nodes in stations from the tip, its axis through entry along direction */
+    bool catheter, sheath;
+    int nstation, per_station;
+    double entry[3], direction[3], normal[3], binormal[3];
+    double bending;  /* EI over mass per length [m^4/s^2], 0: no beam */
+    double diameter; /* of the device [m], 0: no beam */
+    double size;     /* diagonal of the rest box [m] */
+    double tick;     /* the scene's step [s]: gains come from it, also in a shorter step */
+} cn_model_body;
+
+typedef struct {
+    const cn_scene *scene;
+    const cn_world *world;
+    double dt, gravity[3];
+    int newton;           /* most iterations of a step */
+    bool single;          /* the paper's one frozen-rotation solve */
+    bool inertia;         /* false: each step is a static equilibrium */
+    bool stress_left_out; /* no limit and no frame asks for it */
+    int nbody;
+    cn_model_body *body;
+} cn_model;
+
+typedef struct {
+    double *x, *v;    /* positions [m], velocities [m/s] (nnode x 3) */
+    double *rotation; /* warm start of the polar decompositions (ntet x 4) */
+    int nfree;        /* nodes out of the sheath: the leading ones */
+    double inserted;  /* base advance: tip past the entry, along the material [m] */
+    double s_goal;    /* arc length of the goal node on the path [m] */
+    int waypoint;     /* next one to reach */
+    double progress;  /* farthest s_goal at `progress_time` [m], [s] */
+    double progress_time;
+} cn_body_state;
+
+typedef struct {
+    int step;
+    double time;
+    int nbody;
+    cn_body_state *body;
+    size_t size; /* of the one block that holds it all */
+} cn_state;
+
+/* Scratch of one body: the matrix and its factor, lists, trial state. */
+typedef struct cn_work cn_work;
+
+/* What one step did to one body. */
+typedef struct {
+    int newton, linear;               /* iterations */
+    double residual;                  /* recomputed, over the largest force norm */
+    double force, work;               /* of the drive: sum of nodal magnitudes and the base's push [N]; [J] */
+    double wall_force, wall_where[3]; /* most loaded patch [N] */
+    double gap;                       /* least listed distance [m], INFINITY: none near */
+    double fem_s, collision_s;        /* wall time */
+    cn_findings findings;
+} cn_step_figures;
+
+/* spec (nbody): the scene's bodies as the request changed them; it, scene and world must outlive the model.
+ */
+cn_status cn_model_new(cn_model **out, const cn_scene *scene, const cn_world *world, int nbody,
+                       const cn_body_spec *spec, cn_error *error);
+void cn_model_free(cn_model *model);
+cn_status cn_state_new(cn_state **out, const cn_model *model);
+void cn_state_free(cn_state *state);
+void cn_state_copy(cn_state *to, const cn_state *from); /* bit for bit */
+void cn_state_copy_body(cn_body_state *to, const cn_body_state *from, const cn_model_body *body);
+/* Sheathed nodes move along the axis with the base; stations past the entry become free. */
+void cn_sheath_advance(const cn_model_body *body, cn_body_state *state, double advance, double dt);
+void cn_sheath_release(const cn_model_body *body, cn_body_state *state);
+cn_status cn_work_new(cn_work **out, const cn_model *model, int body, cn_pool *pool, cn_error *error);
+void cn_work_free(cn_work *work);
+
+/* One step of one body from `state` into `trial` (copied first): drive along path (NULL: none), solve,
+ * contact. CN_OK: trial holds the new state, figures are filled. Any failure leaves `state` untouched; trial
+ * is void. CN_ERR_CONVERGENCE: residual above the tolerance after all iterations; CN_ERR_SINGULAR;
+ * CN_ERR_NOT_FINITE; CN_ERR_CONTACT: a list is full (cn_work_grow, then again). */
+cn_status cn_step(const cn_model *model, int body, const cn_state *state, cn_state *trial,
+                  const cn_path *path, double dt, cn_work *work, cn_step_figures *figures);
+cn_status cn_work_grow(cn_work *work);
+/* The linear solver in use, and pairs listed. */
+cn_linear cn_work_linear(const cn_work *work);
+/* Start state against the walls: exact crossings, outside points, least distance. */
+cn_status cn_work_check(const cn_model *model, int body, const cn_state *state, cn_work *work,
+                        cn_findings *findings);
+/* Recomputes the residual of the step from `state` to `trial` from inertia, elastic, external, drive and
+ * contact forces, apart from the solver (relative to the largest of their norms). */
+double cn_step_residual(const cn_model *model, int body, const cn_state *state, const cn_state *trial,
+                        const cn_path *path, double dt, cn_work *work);
+
+/* --- drive.c: forces that lead a body along its path (Moss et al. 2008, 4.2; design of the follow drive) ---
+ */
+typedef struct {
+    double *force;   /* held through the step: goal seeking, uniform path following [N] (nnode x 3) */
+    double *centre;  /* place on the path each node belongs to [m]                      (nnode x 3) */
+    double *tangent; /* of the path there                                               (nnode x 3) */
+    double *weight;  /* full path-following force [N], 0: none                          (nnode)     */
+    double distance; /* path_distance [m] */
+    double advance;  /* base advance in this step [m] */
+} cn_drive;
+void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, const cn_path *path, double dt,
+                      cn_drive *drive);
+/* Path-following potential of free nodes at x: returns energy, adds force and scale * stiffness (NULL: not).
+ */
+double cn_drive_add(const cn_drive *drive, int nfree, const double *x, double *f, double scale, cn_matrix *a);
+/* Where the goal node is on the path, and waypoints it counts as reached. */
+void cn_drive_progress(const cn_model_body *body, cn_body_state *state, const cn_path *path);
+bool cn_drive_arrived(const cn_model_body *body, const cn_body_state *state);
+void cn_axis_points(const cn_model_body *body, const cn_body_state *state, int *naxis, double *axis);
+
+#endif

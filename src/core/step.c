@@ -1,0 +1,491 @@
+/* step.c - one implicit Euler step of one body as the minimum of its incremental potential
+ *
+ *     E(x) = |x - x0 - dt v0|^2_M / (2 dt^2) + |x - x0|^2_C / (2 dt) + elastic + drive + contact - f_ext . (x
+ * - x0)
+ *
+ * by Newton with the exact tangent (projected where that is not positive definite) and line search. With
+ * strict contact each motion is cut by the continuous test before it is taken, so that every iterate is free.
+ */
+#include "sim.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include "catnav/vec3.h"
+
+struct cn_work {
+    const cn_model *model;
+    const cn_model_body *body;
+    cn_pool *pool;
+    cn_matrix *matrix, damping; /* damping shares the pattern; its values only with damping_stiffness */
+    cn_scatter *scatter;
+    cn_solver *solver;
+    cn_contact *contact;
+    cn_drive drive;
+    double *memory;
+    double *u; /* the unknown: x - x0, kept apart so that v = u / dt carries no round-off of x */
+    double *trial, *trial_u; /* line search */
+    double *gradient, *elastic, *external, *path, *touch, *dx, *axis;
+    double *moved, *damped;             /* of damping_stiffness */
+    double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
+    double collision_s;
+};
+
+static double seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+cn_status cn_work_new(cn_work **out, const cn_model *model, int ibody, cn_pool *pool, cn_error *error)
+{
+    cn_work *work = calloc(1, sizeof *work);
+    const cn_model_body *body = &model->body[ibody];
+    const size_t n = 3 * (size_t)body->body->nnode;
+    const cn_body *const bodies[1] = {body->body};
+    const int first[1] = {0};
+    cn_status status = CN_ERR_MEMORY;
+    int *level = NULL;
+    *out = NULL;
+    if (!work) return CN_ERR_MEMORY;
+    work->model = model, work->body = body, work->pool = pool;
+    if (!(work->memory = calloc(15 * n + n / 3, sizeof *work->memory))) goto fail;
+    double *next = work->memory,
+           **const vectors[] = {&work->u,           &work->trial,        &work->trial_u,      &work->gradient,
+                                &work->elastic,     &work->external,     &work->path,         &work->touch,
+                                &work->dx,          &work->axis,         &work->moved,        &work->damped,
+                                &work->drive.force, &work->drive.centre, &work->drive.tangent};
+    for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++, next += n)
+        *vectors[i] = next;
+    work->drive.weight = next;
+    if ((status = cn_matrix_new(&work->matrix, 1, bodies, first)) != CN_OK) goto fail;
+    work->damping = *work->matrix;
+    work->damping.value = NULL;
+    status = CN_ERR_MEMORY;
+    if (body->body->damping_stiffness > 0 &&
+        !(work->damping.value = calloc(9 * (size_t)work->matrix->nblock, sizeof(double))))
+        goto fail;
+    if ((status = cn_body_bind(&work->scatter, body->body, work->matrix, 0)) != CN_OK) goto fail;
+    if (body->catheter) {
+        status = CN_ERR_MEMORY;
+        if (!(level = malloc((size_t)body->body->nnode * sizeof *level))) goto fail;
+        for (int i = 0; i < body->body->nnode; i++)
+            level[i] = i / body->per_station;
+    }
+    if ((status = cn_solver_new(&work->solver, work->matrix, model->scene->solver.linear, level, error)) !=
+        CN_OK)
+        goto fail;
+    if (body->contact && (status = cn_contact_new(&work->contact, body->contact)) != CN_OK) goto fail;
+    free(level);
+    *out = work;
+    return CN_OK;
+fail:
+    free(level);
+    cn_work_free(work);
+    return cn_fail(error, status, NULL, 0, "%s", cn_status_text(status));
+}
+
+void cn_work_free(cn_work *work)
+{
+    if (!work) return;
+    cn_contact_free(work->contact);
+    cn_solver_free(work->solver);
+    cn_scatter_free(work->scatter);
+    free(work->damping.value);
+    cn_matrix_free(work->matrix);
+    free(work->memory);
+    free(work);
+}
+
+cn_status cn_work_grow(cn_work *work)
+{
+    return work->contact ? cn_contact_grow(work->contact) : CN_OK;
+}
+cn_linear cn_work_linear(const cn_work *work)
+{
+    return cn_solver_kind(work->solver);
+}
+
+/* One step's fixed data, handed down instead of a dozen arguments. */
+typedef struct {
+    cn_work *work;
+    const cn_body_state *from; /* x0, v0 */
+    double dt;
+    int nfree, nactive;   /* nactive: one held station more than nfree */
+    double *x, *rotation; /* of the trial */
+    bool strict;
+} stepping;
+
+static double norm_free(const stepping *s, const double *f)
+{
+    double sum = 0;
+    for (int i = 0; i < s->nfree; i++)
+        if (!s->work->body->fixed[i]) sum += cn_norm2(f + 3 * i);
+    return sqrt(sum);
+}
+
+/* Gravity, loads that are on, and the drive's held part. */
+static void external_force(const stepping *s, double time)
+{
+    cn_work *work = s->work;
+    const cn_model_body *body = work->body;
+    for (int i = 0; i < s->nfree; i++)
+        for (int k = 0; k < 3; k++)
+            work->external[3 * i + k] =
+                body->body->mass[i] * work->model->gravity[k] + work->drive.force[3 * i + k];
+    for (int l = 0; l < body->nload; l++)
+        if (time > body->load[l].from && time <= body->load[l].until)
+            for (int i = 0; i < 3 * s->nfree; i++)
+                work->external[i] += body->load[l].force[i];
+}
+
+/* The potential at x = x0 + u and its gradient; with `tangent` >= 0 also the matrix. */
+static double evaluate(const stepping *s, const double *x, const double *u, int tangent)
+{
+    cn_work *work = s->work;
+    const cn_body *b = work->body->body;
+    const double dt = s->dt;
+    const bool assemble = tangent >= 0;
+    const size_t active = 3 * (size_t)s->nactive * sizeof(double);
+    cn_matrix *a = assemble ? work->matrix : NULL;
+    double inertia = 0, load = 0, inertia_norm = 0, contact = 0;
+
+    if (assemble) cn_matrix_clear(work->matrix, s->nactive);
+    memset(work->elastic, 0, active), memset(work->path, 0, active), memset(work->touch, 0, active);
+    const double elastic = cn_body_add_elastic(b, s->nactive, x, s->rotation, work->elastic,
+                                               assemble ? (cn_tangent)tangent : CN_TANGENT_WARPED, 1,
+                                               assemble ? work->scatter : NULL, work->pool);
+    const double path = cn_drive_add(&work->drive, s->nfree, x, work->path, 1, a);
+    if (s->strict) {
+        const double start = seconds();
+        contact = cn_contact_add(work->body->contact, work->contact, x, work->touch, 1, a, work->pool);
+        work->collision_s += seconds() - start;
+    }
+    for (int i = 0; i < s->nfree; i++) {
+        const double m = work->model->inertia ? b->mass[i] : 0;
+        const double over = m / (dt * dt), damp = b->damping * b->mass[i] / dt;
+        for (int k = 3 * i; k < 3 * i + 3; k++) {
+            const double ahead = u[k] - (work->body->fixed[i] ? 0 : dt * s->from->v[k]), moved = u[k];
+            const double pull = over * ahead + damp * moved;
+            inertia += 0.5 * (over * ahead * ahead + damp * moved * moved);
+            inertia_norm += pull * pull;
+            load += work->external[k] * moved;
+            work->gradient[k] = pull - work->elastic[k] - work->external[k] - work->path[k] - work->touch[k];
+            if (assemble)
+                work->matrix->value[9 * (size_t)work->matrix->diagonal[i] + 4 * (size_t)(k % 3)] +=
+                    over + damp;
+        }
+    }
+    if (work->damping.value) {
+        const double beta = b->damping_stiffness / dt;
+        for (int i = 0; i < 3 * s->nactive; i++)
+            work->moved[i] = i < 3 * s->nfree ? u[i] : 0;
+        cn_matrix_multiply(&work->damping, s->nfree, work->moved, work->damped, work->pool);
+        for (int i = 0; i < 3 * s->nfree; i++) {
+            work->gradient[i] += beta * work->damped[i];
+            inertia += 0.5 * beta * work->damped[i] * work->moved[i];
+        }
+        for (int i = 0; assemble && i < 9 * work->matrix->row[s->nfree]; i++)
+            work->matrix->value[i] += beta * work->damping.value[i];
+    }
+    const double internal = norm_free(s, work->elastic), external = norm_free(s, work->external);
+    work->residual_scale = fmax(sqrt(inertia_norm), fmax(internal, external));
+    work->energy_size = inertia + fabs(elastic) + fabs(path) + fabs(contact) + fabs(load);
+    for (int i = 0; i < s->nfree; i++)
+        if (work->body->fixed[i]) memset(work->gradient + 3 * i, 0, 3 * sizeof(double));
+    return inertia + elastic + path + contact - load;
+}
+
+/* Below this the gradient is round-off of the elastic forces. */
+static double gradient_floor(const stepping *s)
+{
+    const cn_model_body *body = s->work->body;
+    const double h = cbrt(body->body->rest_volume / body->body->ntet);
+    double far = 0;
+    for (int k = 0; k < 3; k++)
+        far = fmax(far, fabs(s->x[k]));
+    return 2e-15 * body->spec->material.young * h * (far + body->size) * sqrt((double)s->nfree);
+}
+
+static double longest(const stepping *s, const double *dx)
+{
+    double most = 0;
+    for (int i = 0; i < s->nfree; i++) {
+        const double d = cn_norm2(dx + 3 * i);
+        if (!(d <= most)) most = d; /* keeps a NaN */
+    }
+    return sqrt(most);
+}
+
+static cn_status find_contacts(const stepping *s, const double *x, double reach)
+{
+    cn_work *work = s->work;
+    const double start = seconds();
+    const cn_status status = cn_contact_find(work->body->contact, work->contact, s->nfree, x, reach, 0);
+    work->collision_s += seconds() - start;
+    return status;
+}
+
+/* Largest fraction of dx that strict contact allows; pairs are listed anew when the motion leaves their
+ * reach. */
+static cn_status allowed(const stepping *s, const double *x, const double *dx, double *fraction)
+{
+    cn_work *work = s->work;
+    double far = 0;
+    cn_status status;
+    *fraction = 1;
+    if (!s->strict) return CN_OK;
+    for (int i = 0; i < s->nfree; i++) {
+        double to[3];
+        for (int k = 0; k < 3; k++)
+            to[k] = x[3 * i + k] + dx[3 * i + k] - work->contact->from[3 * i + k];
+        far = fmax(far, cn_norm2(to));
+    }
+    if (sqrt(far) > work->contact->reach) {
+        const double most = longest(s, dx),
+                     cap = fmax(20 * work->body->contact->gap, 2 * work->contact->reach);
+        if (most > cap) *fraction = cap / most;
+        if ((status = find_contacts(s, x, 1.001 * fmin(most, cap))) != CN_OK) return status;
+    }
+    const double start = seconds();
+    if (*fraction < 1)
+        for (int i = 0; i < 3 * s->nfree; i++)
+            work->trial[i] = *fraction * dx[i];
+    *fraction *= cn_contact_motion(work->body->contact, work->contact, x, *fraction < 1 ? work->trial : dx,
+                                   0.2, work->pool);
+    work->collision_s += seconds() - start;
+    return CN_OK;
+}
+
+/* dx = -H^-1 g; the exact tangent first, the projected one where that is not positive definite. */
+static cn_status newton_direction(const stepping *s, double *slope, int *linear)
+{
+    cn_work *work = s->work;
+    const cn_scene *scene = work->model->scene;
+    cn_status status = CN_ERR_SINGULAR;
+    for (int attempt = 0; attempt < 2; attempt++) {
+        if (attempt) evaluate(s, s->x, work->u, CN_TANGENT_PROJECTED);
+        status = cn_solver_factor(work->solver, work->matrix, s->nfree, work->body->fixed, work->pool);
+        if (status == CN_OK) {
+            int iterations = 0;
+            double residual = 0;
+            for (int i = 0; i < 3 * s->nfree; i++)
+                work->trial[i] = -work->gradient[i], work->dx[i] = 0;
+            status = cn_solver_solve(work->solver, work->trial, work->dx, scene->solver.linear_tolerance,
+                                     1000, &iterations, &residual, work->pool);
+            if (iterations > *linear) *linear = iterations;
+            if (status == CN_ERR_CONVERGENCE) {
+                CN_LOG(CN_LOG_WARNING,
+                       "linear solver not converged: relative residual %.2e after %d iterations", residual,
+                       iterations);
+                status = CN_OK;
+            }
+        }
+        if (status == CN_OK) {
+            *slope = 0;
+            for (int i = 0; i < 3 * s->nfree; i++)
+                *slope += work->gradient[i] * work->dx[i];
+            if (*slope < 0 || attempt) return isfinite(*slope) ? CN_OK : CN_ERR_NOT_FINITE;
+        } else if (status != CN_ERR_SINGULAR || attempt) {
+            return status;
+        }
+    }
+    return status;
+}
+
+static cn_status minimise(const stepping *s, cn_step_figures *figures)
+{
+    cn_work *work = s->work;
+    const cn_model *model = work->model;
+    const double tolerance = model->scene->solver.tolerance;
+    const int tangent = model->single ? CN_TANGENT_WARPED : CN_TANGENT_EXACT;
+    double energy = evaluate(s, s->x, work->u, tangent), slope = 0, fraction;
+    cn_status status;
+
+    for (figures->newton = 0;;) {
+        if (!isfinite(energy)) return CN_ERR_NOT_FINITE;
+        const double residual = norm_free(s, work->gradient);
+        if (figures->newton && residual <= fmax(tolerance * work->residual_scale, gradient_floor(s)))
+            return CN_OK;
+        if (figures->newton == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
+        if ((status = newton_direction(s, &slope, &figures->linear)) != CN_OK) return status;
+        figures->newton++;
+        if ((status = allowed(s, s->x, work->dx, &fraction)) != CN_OK) return status;
+
+        /* Where the promised decrease is lost in the energy's round-off the gradient decides. */
+        const bool lost = -slope <= 1e-9 * work->energy_size;
+        for (int half = 0;; half++, fraction *= 0.5) {
+            if (half == 40) return lost ? CN_OK : CN_ERR_CONVERGENCE;
+            for (int i = 0; i < 3 * s->nfree; i++) {
+                work->trial_u[i] = work->u[i] + fraction * work->dx[i];
+                work->trial[i] = s->from->x[i] + work->trial_u[i];
+            }
+            memcpy(work->trial + 3 * s->nfree, s->x + 3 * s->nfree,
+                   3 * (size_t)(s->nactive - s->nfree) * sizeof(double));
+            const double next = evaluate(s, work->trial, work->trial_u, half ? -1 : tangent);
+            const bool better =
+                lost ? norm_free(s, work->gradient) < residual : next <= energy + 1e-4 * fraction * slope;
+            if (model->single || better) {
+                energy = half ? evaluate(s, work->trial, work->trial_u, tangent) : next;
+                break;
+            }
+            if (lost && half == 3) { /* converged as far as round-off lets it */
+                evaluate(s, s->x, work->u, -1);
+                return CN_OK;
+            }
+        }
+        memcpy(s->x, work->trial, 3 * (size_t)s->nfree * sizeof(double));
+        memcpy(work->u, work->trial_u, 3 * (size_t)s->nfree * sizeof(double));
+    }
+}
+
+static void setup(stepping *s, const cn_model *model, int ibody, const cn_body_state *from, cn_body_state *to,
+                  const cn_path *path, double time, double dt, cn_work *work)
+{
+    const cn_model_body *body = &model->body[ibody];
+    *s = (stepping){.work = work, .from = from, .dt = dt, .x = to->x, .rotation = to->rotation};
+    s->nfree = to->nfree;
+    s->nactive = s->nfree < body->body->nnode ? s->nfree + body->per_station : s->nfree;
+    if (s->nactive > body->body->nnode) s->nactive = body->body->nnode;
+    s->strict = body->contact && model->scene->contact.method == CN_CONTACT_STRICT;
+    cn_drive_prepare(body, from, path, dt, &work->drive);
+    external_force(s, time);
+}
+
+/* Sum of nodal drive forces and the base's push; their work over the step. */
+static void drive_figures(const stepping *s, cn_step_figures *figures)
+{
+    const cn_work *work = s->work;
+    double push = 0;
+    for (int i = 0; i < s->nfree; i++) {
+        double f[3];
+        for (int k = 0; k < 3; k++)
+            f[k] = work->drive.force[3 * i + k] + work->path[3 * i + k];
+        figures->force += cn_norm(f);
+        for (int k = 0; k < 3; k++)
+            figures->work += f[k] * (s->x[3 * i + k] - s->from->x[3 * i + k]);
+    }
+    for (int i = s->nfree; i < s->nactive; i++)
+        push -= cn_dot(work->elastic + 3 * i, work->body->direction);
+    figures->force += fabs(push);
+    figures->work += push * work->drive.advance;
+}
+
+cn_status cn_step(const cn_model *model, int ibody, const cn_state *state, cn_state *trial,
+                  const cn_path *path, double dt, cn_work *work, cn_step_figures *figures)
+{
+    const cn_model_body *body = &model->body[ibody];
+    const cn_body_state *from = &state->body[ibody];
+    cn_body_state *to = &trial->body[ibody];
+    const double start = seconds(), tick = state->time + dt;
+    cn_status status;
+    stepping s;
+
+    *figures = (cn_step_figures){.gap = INFINITY};
+    cn_state_copy_body(to, from, body);
+    setup(&s, model, ibody, from, to, path, tick, dt, work);
+    work->collision_s = 0;
+    cn_sheath_advance(body, to, work->drive.advance, dt);
+
+    /* begin where the velocity leads, as far as contact lets it */
+    memset(work->u, 0, 3 * (size_t)s.nfree * sizeof(double));
+    if (!model->single) {
+        double fraction = 1;
+        for (int i = 0; i < 3 * s.nfree; i++)
+            work->dx[i] = body->fixed[i / 3] ? 0 : dt * from->v[i];
+        if (s.strict) {
+            const double run = longest(&s, work->dx);
+            if ((status = find_contacts(&s, from->x, 2 * run + 0.5 * body->contact->gap)) != CN_OK)
+                return status;
+            if ((status = allowed(&s, from->x, work->dx, &fraction)) != CN_OK) return status;
+        }
+        for (int i = 0; i < 3 * s.nfree; i++) {
+            work->u[i] = fraction * work->dx[i];
+            to->x[i] = from->x[i] + work->u[i];
+        }
+    } else if (s.strict && (status = find_contacts(&s, from->x, longest(&s, from->v) * 2 * dt)) != CN_OK) {
+        return status;
+    }
+    if (work->damping.value) {
+        cn_matrix_clear(work->matrix, s.nactive);
+        cn_body_add_elastic(body->body, s.nactive, from->x, to->rotation, work->elastic, CN_TANGENT_PROJECTED,
+                            1, work->scatter, work->pool);
+        memcpy(work->damping.value, work->matrix->value, 9 * (size_t)work->matrix->nblock * sizeof(double));
+    }
+    status = minimise(&s, figures);
+    if (status != CN_OK) return status;
+
+    drive_figures(&s, figures);
+    for (int i = 0; i < 3 * s.nfree; i++)
+        to->v[i] = work->u[i] / dt;
+    const double contact_start = seconds();
+    if (s.strict) {
+        int wall;
+        figures->gap = cn_contact_least(work->contact);
+        figures->wall_force =
+            cn_contact_patch_force(body->contact, work->contact, to->x, figures->wall_where, &wall);
+    } else if (body->contact && model->scene->contact.method == CN_CONTACT_PROJECT) {
+        cn_contact_project(body->contact, work->contact, s.nfree, to->x, to->v,
+                           model->scene->contact.response, model->scene->contact.restitution, 20);
+    }
+    cn_sheath_release(body, to);
+    cn_drive_progress(body, to, path);
+    if (body->contact) {
+        int naxis;
+        cn_axis_points(body, to, &naxis, work->axis);
+        status = cn_contact_check(body->contact, work->contact, to->nfree, to->x, naxis, work->axis,
+                                  &figures->findings, work->pool);
+        if (figures->findings.outside) figures->gap = fmin(figures->gap, -figures->findings.depth);
+    }
+    work->collision_s += seconds() - contact_start;
+    figures->collision_s = work->collision_s;
+    figures->fem_s = seconds() - start - work->collision_s;
+    for (int i = 0; i < 3 * body->body->nnode; i++)
+        if (!isfinite(to->x[i]) || !isfinite(to->v[i])) return CN_ERR_NOT_FINITE;
+    return status;
+}
+
+double cn_step_residual(const cn_model *model, int ibody, const cn_state *state, const cn_state *trial,
+                        const cn_path *path, double dt, cn_work *work)
+{
+    const cn_model_body *body = &model->body[ibody];
+    const cn_body_state *from = &state->body[ibody], *to = &trial->body[ibody];
+    const cn_body *b = body->body;
+    double sums[4] = {0, 0, 0, 0}; /* squares: residual, inertial, internal, external */
+    cn_body_state before = *to;
+    stepping s;
+
+    before.nfree = from->nfree;
+    setup(&s, model, ibody, from, &before, path, state->time + dt, dt, work);
+    const size_t active = 3 * (size_t)s.nactive * sizeof(double);
+    memset(work->elastic, 0, active), memset(work->path, 0, active), memset(work->touch, 0, active);
+    cn_body_add_elastic(b, s.nactive, to->x, to->rotation, work->elastic, CN_TANGENT_WARPED, 1, NULL, NULL);
+    cn_drive_add(&work->drive, s.nfree, to->x, work->path, 1, NULL);
+    if (s.strict && cn_contact_find(body->contact, work->contact, s.nfree, to->x, 0, 0) == CN_OK)
+        cn_contact_add(body->contact, work->contact, to->x, work->touch, 1, NULL, NULL);
+    for (int i = 0; i < 3 * s.nfree; i++) {
+        if (body->fixed[i / 3]) continue;
+        const double m = b->mass[i / 3], v1 = (to->x[i] - from->x[i]) / dt;
+        const double inertial = (model->inertia ? m * (v1 - from->v[i]) / dt : 0) + b->damping * m * v1;
+        const double rest = inertial - work->elastic[i] - work->external[i] - work->path[i] - work->touch[i];
+        sums[0] += rest * rest, sums[1] += inertial * inertial;
+        sums[2] += work->elastic[i] * work->elastic[i], sums[3] += work->external[i] * work->external[i];
+    }
+    const double scale = fmax(sums[1], fmax(sums[2], sums[3]));
+    return scale > 0 ? sqrt(sums[0] / scale) : 0;
+}
+
+cn_status cn_work_check(const cn_model *model, int ibody, const cn_state *state, cn_work *work,
+                        cn_findings *findings)
+{
+    const cn_model_body *body = &model->body[ibody];
+    const cn_body_state *at = &state->body[ibody];
+    int naxis;
+    *findings = (cn_findings){.body_triangle = -1, .wall = -1, .wall_triangle = -1};
+    if (!body->contact) return CN_OK;
+    cn_axis_points(body, at, &naxis, work->axis);
+    return cn_contact_check(body->contact, work->contact, at->nfree, at->x, naxis, work->axis, findings,
+                            work->pool);
+}
