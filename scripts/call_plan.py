@@ -4,6 +4,7 @@
     rosrun catnav call_plan.py SCENE.yaml
 """
 import argparse
+import os
 import sys
 
 import rospy
@@ -26,7 +27,9 @@ def main():
 
     rospy.init_node('call_plan')
     rospy.wait_for_service('/catnav/plan')
-    if scene.get('vessels'):
+    vessels = scene.get('vessels') or []
+    sent = bool(vessels) and 'surface' in vessels[0]  # by send_mesh.py; else the scene makes its walls itself
+    if sent:
         rospy.wait_for_message('/catnav/artery_marker', Marker)  # the mesh is in force
 
     body = scene['bodies'][0]
@@ -34,6 +37,7 @@ def main():
     if 'catheter' in body['shape']:
         points.insert(0, body['shape']['catheter'].get('entry', [0, 0, 0]))
     request = PlanCatheterRequest(seed=scene.get('seed', 1), waypoints=[Point(*map(float, p)) for p in points])
+    request.scene = '' if sent else os.path.basename(options.scene)
     answer = rospy.ServiceProxy('/catnav/plan', PlanCatheter)(request)
     verdict = answer.verdict
     rospy.loginfo('%s: %s (%d steps, %d replans, least gap %.3g m)', NAMES.get(verdict.code, verdict.code),

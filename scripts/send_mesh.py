@@ -76,8 +76,8 @@ def main():
     if path.endswith(('.yaml', '.yml')):
         with open(path) as file:
             vessels = yaml.safe_load(file).get('vessels') or []
-        if not vessels:
-            rospy.loginfo('%s has no vessels: nothing to send', path)
+        if not vessels or 'surface' not in vessels[0]:
+            rospy.loginfo('%s: no vessel comes from a file, nothing to send', path)
             return
         placement = vessels[0]['surface']
         name = name or vessels[0]['name']

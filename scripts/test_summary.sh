@@ -13,7 +13,7 @@ awk '
     if (line ~ /^\[  FAILED  \] [0-9]+ test/) failed[k] += word[4]
     if (line ~ /^ \* TESTS: /) cases[k] = word[4]
     if (line ~ /^ \* ERRORS: /) wrong[k] = word[4]
-    if (line ~ /^ \* FAILURES: /) { failed[k] = wrong[k] + word[4]; passed[k] = cases[k] - failed[k] }
+    if (line ~ /^ \* FAILURES: /) { failed[k] = wrong[k] + word[4]; passed[k] = cases[k] > failed[k] ? cases[k] - failed[k] : 0 }
 }
 /^ *[0-9]+\/[0-9]+ Test +#[0-9]+: / {
     print

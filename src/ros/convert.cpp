@@ -151,7 +151,7 @@ visualization_msgs::Marker marker(const char *ns, unsigned id, int type)
 visualization_msgs::Marker arteryMarker(const char *name, unsigned id, const cn_surface &surface)
 {
     auto m = marker(name, id, visualization_msgs::Marker::TRIANGLE_LIST);
-    m.color.r = 0.85f, m.color.g = 0.35f, m.color.b = 0.3f, m.color.a = 0.22f;
+    m.color.r = 0.85f, m.color.g = 0.35f, m.color.b = 0.3f, m.color.a = 0.3f;
     m.points.reserve(3 * size_t(surface.ntri));
     for (int i = 0; i < 3 * surface.ntri; i++)
         m.points.push_back(point(surface.vert + 3 * surface.tri[i]));
@@ -162,7 +162,7 @@ visualization_msgs::Marker roadmapMarker(unsigned id, const cn_roadmap &roadmap)
 {
     auto m = marker("roadmap", id, visualization_msgs::Marker::LINE_LIST);
     m.scale.x = 2e-4; // line width [m]
-    m.color.r = 0.3f, m.color.g = 0.75f, m.color.b = 1.f, m.color.a = 0.5f;
+    m.color.r = 0.1f, m.color.g = 0.3f, m.color.b = 0.7f, m.color.a = 0.4f;
     m.points.reserve(2 * size_t(roadmap.nedge));
     for (int i = 0; i < 2 * roadmap.nedge; i++)
         m.points.push_back(point(roadmap.vertex + 3 * roadmap.edge[i]));
