@@ -1,0 +1,361 @@
+/* The pyramid of distances: at each level every brick takes the least distance of its samples to the
+ * triangles of its own and the neighbouring bricks, eight samples at a time. */
+#include "map.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { LANES = 8, ROWS = CN_MAP_CELLS / LANES }; /* the samples of a row, along x */
+typedef float lanes __attribute__((vector_size(4 * LANES)));
+typedef int flags __attribute__((vector_size(4 * LANES)));
+#define PICK(mask, yes, no) ((lanes)(((mask) & (flags)(yes)) | (~(mask) & (flags)(no))))
+#define EACH_LEAST(a, b)    PICK((a) < (b), a, b) /* lane by lane */
+#define EACH_MOST(a, b)     PICK((a) > (b), a, b)
+#define LEAST(a, b)         ((a) < (b) ? (a) : (b))
+#define MOST(a, b)          ((a) > (b) ? (a) : (b))
+
+enum { CHUNK = 32 }; /* bricks a task */
+
+cn_status cn_map_level_new(cn_map_level *level, const int size[3])
+{
+    int64_t count = 1;
+    for (int k = 0; k < 3; k++)
+        count *= level->size[k] = (size[k] + 7) / 8 + 2;
+    if (!(level->brick = malloc((size_t)count * sizeof *level->brick))) return CN_ERR_MEMORY;
+    for (int64_t i = 0; i < count; i++)
+        level->brick[i] = -1;
+    return CN_OK;
+}
+
+cn_status cn_map_level_number(cn_map_level *level)
+{
+    const int64_t count = (int64_t)level->size[0] * level->size[1] * level->size[2];
+    int n = 0;
+    for (int64_t i = 0; i < count; i++)
+        if (level->brick[i] >= 0) level->brick[i] = n++;
+    level->nbrick = n;
+    level->place = malloc(((size_t)n + 1) * sizeof *level->place);
+    level->value = malloc(((size_t)n + 1) * CN_MAP_CELLS);
+    level->mask = calloc((size_t)n + 1, 8 * sizeof *level->mask);
+    if (!level->place || !level->value || !level->mask) return CN_ERR_MEMORY;
+    for (int64_t i = 0; i < count; i++)
+        if (level->brick[i] >= 0) {
+            int *place = level->place[level->brick[i]];
+            place[0] = (int)(i % level->size[0]);
+            place[1] = (int)(i / level->size[0] % level->size[1]);
+            place[2] = (int)(i / level->size[0] / level->size[1]);
+        }
+    return CN_OK;
+}
+
+typedef struct {
+    cn_map_level *level;
+    const cn_map_walls *walls;
+    double scale;    /* samples per cell: 1 / 2^level */
+    float margin;    /* rounding of the float distances [samples] */
+    float (*box)[6]; /* of each triangle: low, high [samples] */
+    int *start;      /* triangles that meet each place, by place */
+    int *item;
+    bool *failed; /* per task */
+} job;
+
+/* Places that a triangle's box meets, clamped to those there are. */
+static void box_places(const job *j, const float box[6], int low[3], int high[3])
+{
+    for (int k = 0; k < 3; k++) {
+        const int last = j->level->size[k] - 1;
+        low[k] = box[k] <= 0 ? 0 : (int)(box[k] / 8) + 1;
+        high[k] = box[3 + k] <= 0 ? 0 : (int)(box[3 + k] / 8) + 1;
+        low[k] = LEAST(low[k], last), high[k] = LEAST(high[k], last);
+    }
+}
+
+static cn_status sort_triangles(job *j)
+{
+    const cn_map_level *level = j->level;
+    const int64_t count = (int64_t)level->size[0] * level->size[1] * level->size[2];
+    int low[3], high[3];
+    j->start = calloc((size_t)count + 2, sizeof *j->start);
+    j->box = malloc(((size_t)j->walls->ntri + 1) * sizeof *j->box);
+    if (!j->start || !j->box) return CN_ERR_MEMORY;
+    for (int t = 0; t < j->walls->ntri; t++)
+        for (int k = 0; k < 3; k++) {
+            const double *v = j->walls->tri[t] + k;
+            const double most = MOST(MOST(v[0], v[3]), v[6]), least = LEAST(LEAST(v[0], v[3]), v[6]);
+            j->box[t][k] = (float)(least * j->scale) - j->margin;
+            j->box[t][3 + k] = (float)(most * j->scale) + j->margin;
+        }
+    for (int pass = 0; pass < 2; pass++) {
+        for (int t = 0; t < j->walls->ntri; t++) {
+            box_places(j, j->box[t], low, high);
+            for (int z = low[2]; z <= high[2]; z++)
+                for (int y = low[1]; y <= high[1]; y++)
+                    for (int x = low[0]; x <= high[0]; x++) {
+                        const int64_t place = ((int64_t)z * level->size[1] + y) * level->size[0] + x;
+                        if (pass)
+                            j->item[j->start[place + 1]++] = t;
+                        else
+                            j->start[place + 2]++;
+                    }
+        }
+        if (pass) break;
+        for (int64_t i = 2; i <= count + 1; i++)
+            j->start[i] += j->start[i - 1];
+        if (!(j->item = malloc(((size_t)j->start[count + 1] + 1) * sizeof *j->item))) return CN_ERR_MEMORY;
+    }
+    return CN_OK;
+}
+
+typedef struct {
+    lanes best[ROWS]; /* squared distances of the rows' samples [samples^2] */
+    float most[ROWS]; /* a bound on each row's largest */
+} rows;
+
+#define CLONES __attribute__((target_clones("default", "avx2")))
+
+/* Tightens the rows' bounds; returns the largest. */
+CLONES static float largest(rows *field)
+{
+    float all = 0;
+    for (int r = 0; r < ROWS; r++) {
+        const float *f = (const float *)(field->best + r);
+        float m[4] = {f[0], f[1], f[2], f[3]};
+        for (int i = 4; i < LANES; i++)
+            m[i & 3] = f[i] > m[i & 3] ? f[i] : m[i & 3];
+        const float low = m[0] > m[1] ? m[0] : m[1], high = m[2] > m[3] ? m[2] : m[3];
+        field->most[r] = low > high ? low : high;
+        all = field->most[r] > all ? field->most[r] : all;
+    }
+    return all;
+}
+
+/* Lowers the distances of a brick's samples to those of one triangle (corners in samples from the brick's).
+ */
+CLONES static void splat(rows *field, const double v[3][3])
+{
+    double n[3], e[3][3];
+    float corner[3][3], along[3][3], over[3], in[3][3], low[3], high[3];
+    for (int k = 0; k < 3; k++)
+        for (int i = 0; i < 3; i++)
+            e[k][i] = v[(k + 1) % 3][i] - v[k][i];
+    n[0] = e[0][1] * e[1][2] - e[0][2] * e[1][1];
+    n[1] = e[0][2] * e[1][0] - e[0][0] * e[1][2];
+    n[2] = e[0][0] * e[1][1] - e[0][1] * e[1][0];
+    const double area2 = n[0] * n[0] + n[1] * n[1] + n[2] * n[2], inverse = area2 > 0 ? 1 / sqrt(area2) : 0;
+    for (int i = 0; i < 3; i++)
+        n[i] *= inverse;
+    for (int k = 0; k < 3; k++) {
+        const double length2 = e[k][0] * e[k][0] + e[k][1] * e[k][1] + e[k][2] * e[k][2];
+        over[k] = length2 > 0 ? (float)(1 / length2) : 0;
+        in[k][0] = (float)(n[1] * e[k][2] - n[2] * e[k][1]); /* normal of the edge in the plane, inward */
+        in[k][1] = (float)(n[2] * e[k][0] - n[0] * e[k][2]);
+        in[k][2] = (float)(n[0] * e[k][1] - n[1] * e[k][0]);
+        for (int i = 0; i < 3; i++)
+            corner[k][i] = (float)v[k][i], along[k][i] = (float)e[k][i];
+        low[k] = (float)LEAST(LEAST(v[0][k], v[1][k]), v[2][k]);
+        high[k] = (float)MOST(MOST(v[0][k], v[1][k]), v[2][k]);
+    }
+    const float normal[3] = {(float)n[0], (float)n[1], (float)n[2]};
+    const lanes zero = {0}, one = zero + 1;
+    const lanes x = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
+    const float gap_x = low[0] > 7.5f ? low[0] - 7.5f : high[0] < 0.5f ? 0.5f - high[0] : 0;
+    for (int r = 0; r < ROWS; r++) {
+        const float y = (float)(r & 7) + 0.5f, z = (float)(r >> 3) + 0.5f;
+        const float gap_y = low[1] > y ? low[1] - y : high[1] < y ? y - high[1] : 0;
+        const float gap_z = low[2] > z ? low[2] - z : high[2] < z ? z - high[2] : 0;
+        if (gap_x * gap_x + gap_y * gap_y + gap_z * gap_z >= field->most[r]) continue;
+        lanes edge = zero + 1e30f;
+        flags inside =
+            zero == (zero + (area2 > 0 ? 0.0f : 1.0f)); /* nothing is inside a triangle without area */
+        for (int k = 0; k < 3; k++) {
+            const lanes wx = x - corner[k][0];
+            const float wy = y - corner[k][1], wz = z - corner[k][2];
+            const lanes t = EACH_LEAST(
+                EACH_MOST((wx * along[k][0] + (wy * along[k][1] + wz * along[k][2])) * over[k], zero), one);
+            const lanes dx = wx - t * along[k][0], dy = wy - t * along[k][1], dz = wz - t * along[k][2];
+            const lanes d = dx * dx + dy * dy + dz * dz;
+            edge = EACH_LEAST(d, edge);
+            inside &= wx * in[k][0] + (wy * in[k][1] + wz * in[k][2]) >= zero;
+        }
+        const lanes h = (x - corner[0][0]) * normal[0] +
+                        ((y - corner[0][1]) * normal[1] + (z - corner[0][2]) * normal[2]);
+        const lanes d = PICK(inside, h * h, edge);
+        field->best[r] = EACH_LEAST(d, field->best[r]);
+    }
+}
+
+typedef struct {
+    float gap2;
+    int tri;
+} near;
+
+/* Triangles within the band of a brick, the nearest shell first. Returns their number, -1 without memory. */
+static int near_triangles(const job *j, const int place[3], near **list, int *room,
+                          int shells[CN_MAP_SIDE + 2])
+{
+    const cn_map_level *level = j->level;
+    int low[3], high[3], tlow[3], thigh[3], n = 0, at[3];
+    for (int k = 0; k < 3; k++) {
+        low[k] = place[k] > 0 ? place[k] - 1 : 0;
+        high[k] = place[k] < level->size[k] - 1 ? place[k] + 1 : place[k];
+    }
+    memset(shells, 0, (CN_MAP_SIDE + 2) * sizeof *shells);
+    for (at[2] = low[2]; at[2] <= high[2]; at[2]++)
+        for (at[1] = low[1]; at[1] <= high[1]; at[1]++)
+            for (at[0] = low[0]; at[0] <= high[0]; at[0]++) {
+                const int64_t p = ((int64_t)at[2] * level->size[1] + at[1]) * level->size[0] + at[0];
+                for (int i = j->start[p]; i < j->start[p + 1]; i++) {
+                    const float *box = j->box[j->item[i]];
+                    float gap2 = 0;
+                    for (int k = 0; k < 3; k++) {
+                        const float corner = (float)(8 * (place[k] - 1)), a = box[k] - corner - 7.5f;
+                        const float b = corner + 0.5f - box[3 + k], gap = MOST(MOST(a, b), 0);
+                        gap2 += gap * gap;
+                    }
+                    if (gap2 > (float)(CN_MAP_BAND * CN_MAP_BAND)) continue;
+                    box_places(j, box, tlow, thigh);
+                    bool first = true; /* of the places in which this triangle is listed */
+                    for (int k = 0; k < 3; k++)
+                        first = first && at[k] == MOST(tlow[k], low[k]);
+                    if (!first) continue;
+                    if (n == *room) {
+                        near *more = realloc(*list, (size_t)(*room + 512) * 2 * sizeof *more);
+                        if (!more) return -1;
+                        *list = more, *room = (*room + 512) * 2;
+                    }
+                    (*list)[n] = (near){gap2, j->item[i]};
+                    shells[(int)sqrtf((*list)[n++].gap2) + 1]++;
+                }
+            }
+    for (int s = 1; s < CN_MAP_SIDE + 2; s++)
+        shells[s] += shells[s - 1];
+    return n;
+}
+
+static void measure_brick(const job *j, int brick, const near *list, const int *order, int n)
+{
+    const int *place = j->level->place[brick];
+    rows field;
+    float most = 66; /* a little more than the band squared */
+    for (int r = 0; r < ROWS; r++)
+        field.best[r] = (lanes){0} + most, field.most[r] = most;
+    for (int i = 0; i < n; i++) {
+        const near *candidate = list + order[i];
+        if (i % 4 == 3) most = largest(&field);
+        if (candidate->gap2 >= most) continue;
+        double v[3][3];
+        for (int c = 0; c < 3; c++)
+            for (int k = 0; k < 3; k++)
+                v[c][k] = j->walls->tri[candidate->tri][3 * c + k] * j->scale - 8.0 * (place[k] - 1);
+        splat(&field, v);
+    }
+    uint8_t *value = j->level->value + (int64_t)brick * CN_MAP_CELLS;
+    const float *best = (const float *)field.best;
+    for (int i = 0; i < CN_MAP_CELLS; i++) {
+        const float d = sqrtf(best[i]) - j->margin;
+        value[i] = d >= (float)CN_MAP_BAND ? CN_MAP_FAR
+                   : d > 0                 ? (uint8_t)(d * (float)(1 / CN_MAP_QUANTUM))
+                                           : 0;
+    }
+}
+
+static void measure_chunk(void *user, int task)
+{
+    const job *j = user;
+    near *list = NULL;
+    int *order = NULL, room = 0, ordered = 0, shells[CN_MAP_SIDE + 2];
+    const int end = (task + 1) * CHUNK < j->level->nbrick ? (task + 1) * CHUNK : j->level->nbrick;
+    j->failed[task] = true;
+    for (int brick = task * CHUNK; brick < end; brick++) {
+        const int n = near_triangles(j, j->level->place[brick], &list, &room, shells);
+        if (n < 0) goto done;
+        if (ordered < room) {
+            int *more = realloc(order, (size_t)room * sizeof *more);
+            if (!more) goto done;
+            order = more, ordered = room;
+        }
+        for (int i = 0; i < n; i++)
+            order[shells[(int)sqrtf(list[i].gap2)]++] = i;
+        measure_brick(j, brick, list, order, n);
+    }
+    j->failed[task] = false;
+done:
+    free(list), free(order);
+}
+
+/* Marks what level l + 1 needs: the samples around those of level l that lie beyond its band. */
+static cn_status next_level(cn_map *map, int l, bool *any)
+{
+    const cn_map_level *fine = map->level + l;
+    cn_map_level *coarse = map->level + l + 1;
+    const int side = 1 << (l + 1);
+    const int size[3] = {(map->size[0] + side - 1) / side, (map->size[1] + side - 1) / side,
+                         (map->size[2] + side - 1) / side};
+    cn_status status = cn_map_level_new(coarse, size);
+    if (status != CN_OK) return status;
+    map->nlevel = l + 2;
+    *any = false;
+    for (int pass = 0; pass < 2; pass++) { /* places, then samples */
+        for (int b = 0; b < fine->nbrick; b++) {
+            const uint8_t *value = fine->value + (int64_t)b * CN_MAP_CELLS;
+            uint64_t beyond = 0; /* by 2 x 2 x 2 samples */
+            for (int i = 0; i < CN_MAP_CELLS; i++)
+                if (value[i] == CN_MAP_FAR && cn_map_bit(fine->mask, b, i))
+                    beyond |= 1ull << ((i >> 7) << 4 | (i >> 4 & 3) << 2 | (i >> 1 & 3));
+            if (!beyond) continue;
+            *any = true;
+            for (int i = 0; i < 64; i++) {
+                if (!(beyond >> i & 1)) continue;
+                const int c[3] = {4 * (fine->place[b][0] - 1) + (i & 3),
+                                  4 * (fine->place[b][1] - 1) + (i >> 2 & 3),
+                                  4 * (fine->place[b][2] - 1) + (i >> 4)};
+                for (int d = 0; d < 27; d++) {
+                    const int s[3] = {c[0] + d % 3 - 1, c[1] + d / 3 % 3 - 1, c[2] + d / 9 - 1};
+                    int at[3], brick, offset;
+                    bool outside = false;
+                    for (int k = 0; k < 3; k++) {
+                        at[k] = (s[k] >> 3) + 1;
+                        outside = outside || at[k] < 0 || at[k] >= coarse->size[k];
+                    }
+                    if (outside) continue;
+                    if (!pass)
+                        coarse->brick[((int64_t)at[2] * coarse->size[1] + at[1]) * coarse->size[0] + at[0]] =
+                            0;
+                    else if (cn_map_find(coarse, s, &brick, &offset))
+                        coarse->mask[8 * (int64_t)brick + (offset >> 6)] |= 1ull << (offset & 63);
+                }
+            }
+        }
+        if (!pass && (status = cn_map_level_number(coarse)) != CN_OK) return status;
+    }
+    return CN_OK;
+}
+
+cn_status cn_map_measure(cn_map *map, const cn_map_walls *walls, cn_pool *pool)
+{
+    for (int l = 0; l < map->nlevel; l++) {
+        job j = {.level = map->level + l, .walls = walls, .scale = 1.0 / (1 << l)};
+        const int ntask = (j.level->nbrick + CHUNK - 1) / CHUNK;
+        bool any = false;
+        j.margin = (float)(1e-4 + 1e-6 * (walls->extent * j.scale + 24));
+        cn_status status = sort_triangles(&j);
+        if (status == CN_OK && !(j.failed = calloc((size_t)ntask + 1, sizeof *j.failed)))
+            status = CN_ERR_MEMORY;
+        if (status == CN_OK) {
+            cn_pool_run(pool, ntask, measure_chunk, &j);
+            for (int t = 0; t < ntask; t++)
+                if (j.failed[t]) status = CN_ERR_MEMORY;
+        }
+        free(j.box), free(j.start), free(j.item), free(j.failed);
+        if (status == CN_OK && l + 1 < CN_MAP_LEVELS && walls->ntri) status = next_level(map, l, &any);
+        if (status != CN_OK) return status;
+        if (!any && map->nlevel == l + 2) { /* nothing left for the coarser one */
+            cn_map_level *last = map->level + l + 1;
+            free(last->brick), free(last->place), free(last->value), free(last->mask);
+            memset(last, 0, sizeof *last);
+            map->nlevel = l + 1;
+        }
+    }
+    return CN_OK;
+}

@@ -1,0 +1,360 @@
+/* The ridge of the distance field. A sample is on it when the distance rises towards no neighbour nearly as
+ * fast as it must towards the inside of a half space: its nearest wall points lie on opposite sides. Ends of
+ * such pieces that point into a wider vessel are led uphill to its ridge; then the set is thinned to curves,
+ * the cells nearest to the wall first, without changing its topology (Pudney, Distance-ordered homotopic
+ * thinning, CVIU 1998), and twigs shorter than the clearance at their root are cut. */
+#include "map.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include "catnav/vec3.h"
+
+#define RISE_MOST                                                                                            \
+    0.6 /* of the distance on the ridge; 1 away from it: nearest points seen 106 degrees apart */
+
+enum { CHUNK = 64, ASCENT_MOST = 4096, PRUNINGS = 3 };
+
+typedef struct {
+    cn_map *map;
+    uint64_t *candidate[CN_MAP_LEVELS]; /* samples on the ridge (nbrick x 8) */
+    int level;
+    uint64_t *ridge; /* cells (nbrick x 8) */
+    uint32_t adjacent26[27], adjacent6[27];
+    int ncell;
+    struct cell {
+        float distance;
+        int id;
+    } * cell; /* id = brick * 512 + offset */
+    const cn_world *world;
+} job;
+
+static void coordinates(const cn_map_level *level, int brick, int offset, int i[3])
+{
+    i[0] = 8 * (level->place[brick][0] - 1) + (offset & 7);
+    i[1] = 8 * (level->place[brick][1] - 1) + (offset >> 3 & 7);
+    i[2] = 8 * (level->place[brick][2] - 1) + (offset >> 6);
+}
+
+static void neighbour(const int i[3], int n, int q[3])
+{
+    q[0] = i[0] + n % 3 - 1, q[1] = i[1] + n / 3 % 3 - 1, q[2] = i[2] + n / 9 - 1;
+}
+
+static double neighbour_distance(int n)
+{
+    static const double length[4] = {0, 1, 1.4142135623730951, 1.7320508075688772};
+    return length[(n % 3 != 1) + (n / 3 % 3 != 1) + (n / 9 != 1)];
+}
+
+/* Steepest rise of the stored distances from a sample to a neighbour; *to is that neighbour. */
+static double rise(const cn_map_level *level, const int i[3], double value, int *to)
+{
+    double most = -1;
+    *to = 13;
+    for (int n = 0; n < 27; n++) {
+        int q[3], brick, offset;
+        neighbour(i, n, q);
+        if (n == 13 || !cn_map_find(level, q, &brick, &offset)) continue;
+        const int code = level->value[(int64_t)brick * CN_MAP_CELLS + offset];
+        const double there = code == CN_MAP_FAR ? CN_MAP_BAND : (code + 0.5) * CN_MAP_QUANTUM;
+        const double slope = (there - value) / neighbour_distance(n);
+        if (slope > most) most = slope, *to = n;
+    }
+    return most;
+}
+
+static void find_candidates(void *user, int task)
+{
+    const job *j = user;
+    const cn_map_level *level = j->map->level + j->level;
+    /* finer levels see to what is nearer to the wall, coarser ones to what is near the end of the band */
+    const double least = j->level ? 3 : 1,
+                 most = j->level + 1 < j->map->nlevel ? CN_MAP_BAND - 1.8 : CN_MAP_BAND;
+    const int end = (task + 1) * CHUNK < level->nbrick ? (task + 1) * CHUNK : level->nbrick;
+    for (int b = task * CHUNK; b < end; b++)
+        for (int o = 0; o < CN_MAP_CELLS; o++) {
+            const int code = level->value[(int64_t)b * CN_MAP_CELLS + o];
+            const double value = (code + 0.5) * CN_MAP_QUANTUM;
+            int i[3], to;
+            if (!cn_map_bit(level->mask, b, o) || code == CN_MAP_FAR || value < least || value > most)
+                continue;
+            coordinates(level, b, o, i);
+            if (rise(level, i, value, &to) < RISE_MOST)
+                j->candidate[j->level][8 * (int64_t)b + (o >> 6)] |= 1ull << (o & 63);
+        }
+}
+
+/* Adds a cell to the ridge; false when it is not free or already there. */
+static bool add_cell(job *j, const int i[3])
+{
+    int brick, offset;
+    if (!cn_map_find(j->map->level, i, &brick, &offset) || !cn_map_bit(j->map->level->mask, brick, offset))
+        return false;
+    if (cn_map_bit(j->ridge, brick, offset)) return false;
+    j->ridge[8 * (int64_t)brick + (offset >> 6)] |= 1ull << (offset & 63);
+    return true;
+}
+
+static void add_sample(job *j, int l, const int i[3])
+{
+    const int side = 1 << l;
+    for (int n = 0; n < side * side * side; n++)
+        add_cell(j, (int[3]){i[0] * side + n % side, i[1] * side + n / side % side,
+                             i[2] * side + n / side / side});
+}
+
+static double cell_distance(const cn_map *map, const int i[3])
+{
+    return cn_map_lower(map, (double[3]){i[0] + 0.5, i[1] + 0.5, i[2] + 0.5}, NULL);
+}
+
+/* Uphill from a cell until the ridge is met. */
+static void ascend(job *j, const int from[3])
+{
+    int i[3] = {from[0], from[1], from[2]}, q[3], best[3];
+    double here = cell_distance(j->map, i);
+    for (int step = 0; step < ASCENT_MOST; step++) {
+        double most = 0, there = 0;
+        for (int n = 0; n < 27; n++) {
+            neighbour(i, n, q);
+            if (n == 13 || !cn_map_free_cell(j->map, q)) continue;
+            const double d = cell_distance(j->map, q), slope = (d - here) / neighbour_distance(n);
+            if (slope > most) most = slope, there = d, memcpy(best, q, sizeof best);
+        }
+        if (most <= 0 || !add_cell(j, best)) return;
+        memcpy(i, best, sizeof best), here = there;
+    }
+}
+
+static void join_pieces(job *j)
+{
+    for (int l = 0; l < j->map->nlevel; l++) {
+        const cn_map_level *level = j->map->level + l;
+        for (int b = 0; b < level->nbrick; b++)
+            for (int o = 0; o < CN_MAP_CELLS; o++) {
+                if (!cn_map_bit(j->candidate[l], b, o)) continue;
+                int i[3], to, q[3], brick, offset;
+                coordinates(level, b, o, i);
+                const double value = (level->value[(int64_t)b * CN_MAP_CELLS + o] + 0.5) * CN_MAP_QUANTUM;
+                if (rise(level, i, value, &to) < 2 * CN_MAP_QUANTUM) continue;
+                neighbour(i, to, q);
+                if (cn_map_find(level, q, &brick, &offset) && cn_map_bit(j->candidate[l], brick, offset))
+                    continue;
+                add_sample(j, l, q);
+                ascend(j, (int[3]){(q[0] << l) + (1 << l >> 1), (q[1] << l) + (1 << l >> 1),
+                                   (q[2] << l) + (1 << l >> 1)});
+            }
+    }
+}
+
+/* --- thinning --- */
+
+static uint32_t around(const job *j, int id)
+{
+    const cn_map_level *level = j->map->level;
+    uint32_t bits = 0;
+    int i[3], q[3], brick, offset;
+    coordinates(level, id / CN_MAP_CELLS, id % CN_MAP_CELLS, i);
+    for (int n = 0; n < 27; n++) {
+        neighbour(i, n, q);
+        if (n != 13 && cn_map_find(level, q, &brick, &offset) && cn_map_bit(j->ridge, brick, offset))
+            bits |= 1u << n;
+    }
+    return bits;
+}
+
+static uint32_t flood(uint32_t set, uint32_t seed, const uint32_t adjacent[27])
+{
+    uint32_t done = 0, front = seed;
+    while (front) {
+        const int n = __builtin_ctz(front);
+        done |= 1u << n;
+        front = (front | (adjacent[n] & set)) & ~done;
+    }
+    return done;
+}
+
+enum {
+    FACES = 1 << 4 | 1 << 10 | 1 << 12 | 1 << 14 | 1 << 16 | 1 << 22,
+    NO_CORNERS =
+        0x7ffffff & ~(1 << 0 | 1 << 2 | 1 << 6 | 1 << 8 | 1 << 13 | 1 << 18 | 1 << 20 | 1 << 24 | 1 << 26)
+};
+
+/* Its removal changes no topology: one piece of ridge around it and one of the rest (Bertrand and Malandain
+ * 1994). */
+static bool simple(const job *j, uint32_t set)
+{
+    const uint32_t rest = ~set & NO_CORNERS, open = rest & FACES;
+    if (!set || !open) return false;
+    if (flood(set, set & -set, j->adjacent26) != set) return false;
+    return !(open & ~flood(rest, open & -open, j->adjacent6));
+}
+
+static void remove_cell(job *j, int id)
+{
+    const int o = id % CN_MAP_CELLS;
+    j->ridge[8 * (int64_t)(id / CN_MAP_CELLS) + (o >> 6)] &= ~(1ull << (o & 63));
+}
+
+static bool present(const job *j, int id)
+{
+    return cn_map_bit(j->ridge, id / CN_MAP_CELLS, id % CN_MAP_CELLS);
+}
+
+static void thin(job *j)
+{
+    for (bool changed = true; changed;) {
+        int n = 0;
+        changed = false;
+        for (int c = 0; c < j->ncell; c++) {
+            if (!present(j, j->cell[c].id)) continue;
+            const uint32_t set = around(j, j->cell[c].id);
+            if (__builtin_popcount(set) > 1 && simple(j, set))
+                remove_cell(j, j->cell[c].id), changed = true;
+            else
+                j->cell[n++] = j->cell[c];
+        }
+        j->ncell = n;
+    }
+}
+
+/* Cuts the twig that ends at cell `id`, where it is shorter than the clearance at its root. */
+static bool cut_twig(job *j, int id, int *twig, int room)
+{
+    int n = 0, at = id, before = -1;
+    double length = 0;
+    for (;;) {
+        int i[3], q[3], brick, offset, next = -1, how = 13;
+        uint32_t set = around(j, at);
+        coordinates(j->map->level, at / CN_MAP_CELLS, at % CN_MAP_CELLS, i);
+        if (__builtin_popcount(set) > 2) { /* the root */
+            if (length > cell_distance(j->map, i) + 2) return false;
+            for (int k = 0; k < n; k++)
+                remove_cell(j, twig[k]);
+            return n > 0;
+        }
+        if (n == room) return false;
+        twig[n++] = at;
+        for (; set; set &= set - 1) {
+            const int m = __builtin_ctz(set);
+            neighbour(i, m, q);
+            if (cn_map_find(j->map->level, q, &brick, &offset) && brick * CN_MAP_CELLS + offset != before)
+                next = brick * CN_MAP_CELLS + offset, how = m;
+        }
+        if (next < 0) return false; /* a piece of its own */
+        length += neighbour_distance(how);
+        before = at, at = next;
+    }
+}
+
+static int by_distance(const void *left, const void *right)
+{
+    const struct cell *a = left, *b = right;
+    if (a->distance != b->distance) return a->distance < b->distance ? -1 : 1;
+    return (a->id > b->id) - (a->id < b->id);
+}
+
+static int by_id(const void *left, const void *right)
+{
+    const struct cell *a = left, *b = right;
+    return (a->id > b->id) - (a->id < b->id);
+}
+
+static void centre(const cn_map *map, int id, double x[3])
+{
+    int i[3];
+    coordinates(map->level, id / CN_MAP_CELLS, id % CN_MAP_CELLS, i);
+    for (int k = 0; k < 3; k++)
+        x[k] = map->origin[k] + (i[k] + 0.5) * map->cell;
+}
+
+static void measure_cells(void *user, int task)
+{
+    const job *j = user;
+    const int end = (task + 1) * CHUNK < j->ncell ? (task + 1) * CHUNK : j->ncell;
+    for (int c = task * CHUNK; c < end; c++) {
+        double x[3];
+        centre(j->map, j->cell[c].id, x);
+        j->cell[c].distance = (float)(cn_world_distance(j->world, x, NULL, NULL, NULL) / j->map->cell);
+    }
+}
+
+static cn_status list_cells(job *j)
+{
+    const cn_map_level *level = j->map->level;
+    for (int pass = 0; pass < 2; pass++) {
+        j->ncell = 0;
+        for (int w = 0; w < 8 * level->nbrick; w++)
+            for (uint64_t bits = j->ridge[w]; bits; bits &= bits - 1) {
+                if (pass) j->cell[j->ncell].id = 64 * w + __builtin_ctzll(bits);
+                j->ncell++;
+            }
+        if (!pass && !(j->cell = malloc(((size_t)j->ncell + 1) * sizeof *j->cell))) return CN_ERR_MEMORY;
+    }
+    return CN_OK;
+}
+
+static void find_adjacent(job *j)
+{
+    for (int a = 0; a < 27; a++)
+        for (int b = 0; b < 27; b++) {
+            const int dx = abs(a % 3 - b % 3), dy = abs(a / 3 % 3 - b / 3 % 3), dz = abs(a / 9 - b / 9);
+            if (a == b || a == 13 || b == 13) continue;
+            if (dx <= 1 && dy <= 1 && dz <= 1) j->adjacent26[a] |= 1u << b;
+            if (dx + dy + dz == 1) j->adjacent6[a] |= 1u << b;
+        }
+}
+
+cn_status cn_map_find_ridge(cn_map *map, const cn_world *world, cn_pool *pool)
+{
+    job j = {.map = map, .world = world};
+    cn_status status = CN_ERR_MEMORY;
+    int *twig = NULL;
+    if (map->bare) return CN_OK;
+    find_adjacent(&j);
+    if (!(j.ridge = calloc((size_t)map->level->nbrick + 1, 8 * sizeof *j.ridge))) goto done;
+    for (j.level = 0; j.level < map->nlevel; j.level++) {
+        const cn_map_level *level = map->level + j.level;
+        if (!(j.candidate[j.level] = calloc((size_t)level->nbrick + 1, 8 * sizeof *j.ridge))) goto done;
+        cn_pool_run(pool, (level->nbrick + CHUNK - 1) / CHUNK, find_candidates, &j);
+        for (int b = 0; b < level->nbrick; b++)
+            for (int o = 0; o < CN_MAP_CELLS; o++) {
+                int i[3];
+                if (!cn_map_bit(j.candidate[j.level], b, o)) continue;
+                coordinates(level, b, o, i);
+                add_sample(&j, j.level, i);
+            }
+    }
+    join_pieces(&j);
+    if ((status = list_cells(&j)) != CN_OK) goto done;
+    cn_pool_run(pool, (j.ncell + CHUNK - 1) / CHUNK, measure_cells, &j);
+    qsort(j.cell, (size_t)j.ncell, sizeof *j.cell, by_distance);
+    thin(&j);
+
+    status = CN_ERR_MEMORY;
+    if (!(twig = malloc(((size_t)j.ncell + 1) * sizeof *twig))) goto done;
+    for (int k = 0; k < PRUNINGS; k++) {
+        bool cut = false;
+        for (int c = 0; c < j.ncell; c++)
+            if (present(&j, j.cell[c].id) && __builtin_popcount(around(&j, j.cell[c].id)) == 1)
+                cut |= cut_twig(&j, j.cell[c].id, twig, j.ncell);
+        if (!cut) break;
+        thin(&j);
+    }
+    qsort(j.cell, (size_t)j.ncell, sizeof *j.cell, by_id);
+    map->ridge_x = malloc(3 * ((size_t)j.ncell + 1) * sizeof *map->ridge_x);
+    map->ridge_clearance = malloc(((size_t)j.ncell + 1) * sizeof *map->ridge_clearance);
+    if (!map->ridge_x || !map->ridge_clearance) goto done;
+    map->nridge = j.ncell;
+    for (int c = 0; c < j.ncell; c++) {
+        centre(map, j.cell[c].id, map->ridge_x + 3 * c);
+        map->ridge_clearance[c] = cn_world_distance(world, map->ridge_x + 3 * c, NULL, NULL, NULL);
+    }
+    status = CN_OK;
+done:
+    for (int l = 0; l < CN_MAP_LEVELS; l++)
+        free(j.candidate[l]);
+    free(j.ridge), free(j.cell), free(twig);
+    return status;
+}
