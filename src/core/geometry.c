@@ -143,11 +143,14 @@ double cn_tri_tri_distance(const double a[3][3], const double b[3][3])
  *    (additive advancement as in Li et al., Codimensional Incremental Potential Contact, 2021);
  *  - plane: n . r is linear in time at each corner, and the patch is clear while all corners are beyond gap
  *    (Mirtich, Impulse-based Dynamic Simulation of Rigid Body Systems, 1996);
- *  - near part: within tau only points with |r| <= R = gap + tau speed can arrive. As n . r >= n . r* on a
- * convex patch they lie within rho of r*, rho^2 <= R^2 - d^2, so their speed against n is at most -n . v(r*)
- * + slope rho, with slope the gradient of n . v over the patch's plane. As d falls this tends to Newton's
- * method on the distance itself, also where the patch turns. Rounding is bounded by eps = 8 u (longest corner
- * + longest way), added to the gap. */
+ *  - near part: split r = h n + y with y square to n, so that h >= d on the whole convex patch. With v = n .
+ * v(r*) and slope the gradient of n . v over the patch's plane, after tau <= 1 / slope a point has come no
+ * nearer along n than d + tau v - tau slope |y|, and across no nearer than |y| - tau speed. It is within gap
+ * of the origin only if the former is below gap - (|y| - tau speed)^2 / (2 gap); over all |y| that is
+ * impossible while d - gap + tau v - tau^2 (slope speed + gap slope^2 / 2) >= 0. As d falls to the gap the
+ * last tends to Newton's method on the distance itself, also where the patch turns, and halves what is left
+ * where the distance only grazes the gap. Rounding is bounded by eps = 16 u (longest corner + longest way),
+ * added to the gap. */
 enum { ADVANCES = 128 }; /* 12 are the most seen in the reference motions */
 
 typedef struct {
@@ -207,7 +210,7 @@ static double advance(const motion *m, double gap)
     }
     if (!(gap >= 0 && sum < INFINITY)) return 0; /* also when something is NaN */
     size = sqrt(size), speed = sqrt(speed);
-    gap += 8 * DBL_EPSILON * (size + speed);
+    gap += 16 * DBL_EPSILON * (size + speed);
 
     /* boxes swept over the whole step stay apart */
     for (int k = 0; k < 3 && !clear; k++) {
@@ -240,7 +243,7 @@ static double advance(const motion *m, double gap)
             support = lesser(support, h);
             if (h - gap < -v * left) plane = lesser(plane, (h - gap) / -v);
         }
-        const double room = lesser(support, d) - gap;
+        const double room = support < d ? 2 * support - d - gap : d - gap;
         if (room > 0) {
             if (plane > left) return INFINITY;
             step = greater(step, plane);
@@ -250,12 +253,10 @@ static double advance(const motion *m, double gap)
         if (slope < INFINITY) {
             double v = cn_dot(n, m->speed.r0);
             v += near.s * cn_dot(n, m->speed.e1) + near.t * cn_dot(n, m->speed.e2);
-            double reach = v * left < -room ? room / -v : left; /* how far Newton's method would go */
-            for (int i = 0; i < 8 && reach > step; i++, reach *= 0.5) {
-                const double far = gap + reach * speed, rho2 = far * far + d * d - 2 * lesser(support, d) * d;
-                const double closing = slope * sqrt(greater(rho2, 0)) - v;
-                step = greater(step, closing * reach > room ? room / closing : reach);
-            }
+            const double curve = slope * (speed + 0.5 * gap * slope);
+            const double root = sqrt(v * v + 4 * curve * room);
+            const double reach = v > 0 ? (v + root) / (2 * curve) : 2 * room / (root - v);
+            step = greater(step, slope * reach < 1 ? reach : 1 / slope);
         }
         t += step;
         if (t > 1) return INFINITY;

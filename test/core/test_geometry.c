@@ -287,6 +287,21 @@ static void random_motions_keep_the_gap_until_the_time_given_and_reach_it_there(
     }
 }
 
+static void a_way_that_all_but_grazes_the_gap_is_told_from_one_that_does(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 200; i++) { /* a point passes the corner of a turning triangle at height 1 */
+        const double gap = 0.5 + 0.4 * i / 200, miss = i % 2 ? 1e-9 : -1e-9;
+        const double x[4][3] = {{-1, 0, gap + miss}, {0}, {1, 1, -2}, {1, -1, -2}};
+        const double d[4][3] = {{2, 0, 0}, {0}, {-0.1, 0, 0.2}, {0.2, 0, 0.1}};
+        const double t = cn_ccd_point_triangle(x, d, gap), first = 0.5 - 0.5 * sqrt(2 * gap * 1e-9);
+        if (miss > 0)
+            assert_true(isinf(t));
+        else
+            assert_true(t <= first + 1e-9 && t >= first - 1e-6);
+    }
+}
+
 static void a_point_falling_on_a_triangle_arrives_when_it_should(void **state)
 {
     (void)state;
@@ -352,6 +367,7 @@ int main(void)
         cmocka_unit_test(distances_of_edges_are_the_exact_ones),
         cmocka_unit_test(motions_meet_never_late_and_hardly_early),
         cmocka_unit_test(random_motions_keep_the_gap_until_the_time_given_and_reach_it_there),
+        cmocka_unit_test(a_way_that_all_but_grazes_the_gap_is_told_from_one_that_does),
         cmocka_unit_test(a_point_falling_on_a_triangle_arrives_when_it_should),
         cmocka_unit_test(crossed_edges_turning_towards_each_other_arrive_when_they_should),
         cmocka_unit_test(parallel_edges_and_points_as_triangles_are_no_trouble),

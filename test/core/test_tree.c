@@ -8,6 +8,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 #include "catnav/vec3.h"
+#include "fail_alloc.h"
 #include "geometry.h"
 #include "read_csv.h"
 #include "tree.h"
@@ -373,6 +374,26 @@ static void what_cannot_be_a_tree_is_refused(void **state)
     cn_tree_free(tree);
 }
 
+static void every_allocation_that_fails_is_told_and_leaves_nothing_behind(void **state)
+{
+    const double vert[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+    const int tri[3] = {0, 1, 2};
+    int failed = 0;
+    bool fired = true;
+    (void)state;
+    for (long n = 0; fired; n++) {
+        cn_tree *tree;
+        fail_alloc_at(n);
+        const cn_status status = cn_tree_new(&tree, 1, tri, vert);
+        fired = fail_alloc_fired();
+        fail_alloc_at(-1);
+        assert_true(status == CN_OK ? tree != NULL : status == CN_ERR_MEMORY && !tree);
+        failed += status != CN_OK;
+        cn_tree_free(tree);
+    }
+    assert_int_equal(failed, 6); /* all but the last, which only gives memory back */
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -386,6 +407,7 @@ int main(void)
         cmocka_unit_test(two_surfaces_meet_in_exactly_the_reference_pairs),
         cmocka_unit_test(a_row_of_ever_smaller_triangles_does_not_overrun_the_stack),
         cmocka_unit_test(what_cannot_be_a_tree_is_refused),
+        cmocka_unit_test(every_allocation_that_fails_is_told_and_leaves_nothing_behind),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
