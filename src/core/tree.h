@@ -8,11 +8,13 @@
 
 typedef struct cn_tree cn_tree;
 
-/* Triangles index vert (x 3 each); neither is copied: they must outlive the tree. */
+/* Triangles (ntri x 3) index vert (x 3), which is not copied and must outlive the tree or its next refit. No
+ * triangle at all is fine. *out is NULL on failure: CN_ERR_ARG (negative count or index), CN_ERR_NOT_FINITE,
+ * CN_ERR_MEMORY. Queries allocate nothing and are thread-safe. */
 cn_status cn_tree_new(cn_tree **out, int ntri, const int *tri, const double *vert);
 void cn_tree_free(cn_tree *tree);
 void cn_tree_refit(cn_tree *tree, const double *vert); /* new positions, same triangles */
-/* Boxes swept over the motion vert -> vert_end and inflated by margin. */
+/* Boxes swept over the motion vert -> vert_end and inflated by margin; other queries then see vert. */
 void cn_tree_refit_swept(cn_tree *tree, const double *vert, const double *vert_end, double margin);
 
 /* Triangles whose boxes meet [min, max], at most `capacity` written, ascending order not promised but fixed;
@@ -23,13 +25,14 @@ int cn_tree_query_box(const cn_tree *tree, const double min[3], const double max
 typedef bool (*cn_pair_visit)(void *user, int ia, int ib);
 bool cn_tree_query_pairs(const cn_tree *a, const cn_tree *b, double margin, cn_pair_visit visit, void *user);
 bool cn_tree_query_self(const cn_tree *tree, double margin, cn_pair_visit visit, void *user);
-/* Nearest triangle to p no farther than `limit`: returns the distance (limit if none), *itri (-1 if none),
- * nearest point. */
+/* Nearest triangle to p no farther than `limit`: returns the distance (limit if none), *itri (-1 if none; the least
+ * index of equally near ones) and the nearest point (untouched if none); both may be NULL. */
 double cn_tree_nearest(const cn_tree *tree, const double p[3], double limit, int *itri, double nearest[3]);
-/* Signed crossings of the open segment a-b with the triangles, decided by exact predicates with symbolic
+/* Crossings of the open segment a-b with the triangles, decided by exact predicates with symbolic
  * perturbation: returns the number of crossings (parity decides inside). */
 int cn_tree_crossings(const cn_tree *tree, const double a[3], const double b[3]);
-/* True when p is inside the closed surface (and its caps, may be NULL) by exact ray parity. */
+/* True when p is inside the closed surface (and its caps, may be NULL) by exact ray parity. Points exactly on the
+ * surface may go either way, always the same. */
 bool cn_tree_inside(const cn_tree *tree, const cn_tree *caps, const double p[3]);
 void cn_tree_box(const cn_tree *tree, double min[3], double max[3]);
 
