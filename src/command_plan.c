@@ -42,15 +42,15 @@ static int plan_scene(int argc, char **argv)
     else
         cn_report_refused(&report, scene, &error);
     if (computed == CN_OK && path) computed = cn_path_write_csv(path, out, &error);
-    if (computed != CN_OK) command_print_error(&error);
-    if (!quiet && path && computed == CN_OK)
+    const bool answered = report.verdict.code != CN_VERDICT_UNKNOWN && !path; /* says why there is none */
+    if (computed != CN_OK && !answered) command_print_error(&error);
+    if (answered)
+        fprintf(stderr, "%s: %s\n", cn_verdict_status(report.verdict.code), report.verdict.message);
+    else if (!quiet && computed == CN_OK && path)
         printf("path of %.4g m with %d points, sharpest turn %.3g degrees: %s\n", cn_path_length(path),
                path->n, path->turn_max * 180 / acos(-1), out);
-    else if (!quiet && !path)
-        printf("%s: %s\n", cn_verdict_status(report.verdict.code), report.verdict.message);
     status = command_finish(&report, report_file);
     if (status == COMMAND_OK && (computed != CN_OK || !path)) status = COMMAND_FAILED;
-    if (path && computed == CN_OK && report.verdict.code == CN_VERDICT_UNKNOWN) status = COMMAND_OK;
 done:
     cn_report_clear(&report);
     cn_path_free(path);
@@ -63,13 +63,12 @@ static const char help[] =
     "NAME\n"
     "    catnav plan - the path alone, without moving anything along it\n\n"
     "SYNOPSIS\n"
-    "    catnav plan SCENE.yaml --out PATH.csv [--set KEY=VALUE]... [--report FILE.json] [--threads N] "
-    "[--quiet]\n\n"
+    "    catnav plan SCENE.yaml --out PATH.csv [--set KEY=VALUE]... [--report FILE.json]\n"
+    "               [--threads N] [--quiet]\n\n"
     "DESCRIPTION\n"
     "    Plans for the first body that has waypoints. PATH.csv has the header s,x,y,z,clearance,waypoint:\n"
-    "    arc length, position and distance to the nearest wall in metres, and the index of the waypoint "
-    "that\n"
-    "    lies there or -1.\n\n"
+    "    arc length, position and distance to the nearest wall in metres, and the index of the waypoint\n"
+    "    that lies there or -1.\n\n"
     "OPTIONS\n"
     "    --out PATH.csv      where the path goes\n"
     "    --set KEY=VALUE     changes the scene before it is read, as in catnav run\n"

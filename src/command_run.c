@@ -173,8 +173,7 @@ static const char help[] =
     "SIGNALS\n"
     "    Ctrl-C (SIGINT) and SIGTERM stop the run within a step; the report is still written.\n\n"
     "EXIT STATUS\n"
-    "    0 reached or ran to the end, 1 refused, 2 infeasible, 3 time used up, 4 failed (also where a "
-    "report\n"
-    "    or frames could not be written), 130 interrupted\n";
+    "    0 reached or ran to the end, 1 refused, 2 infeasible, 3 time used up, 4 failed (also where\n"
+    "    a report or frames could not be written), 130 interrupted\n";
 
 const command_t command_run = {"run", "run a scene: plan, drive, check limits, report", help, run_scene};
