@@ -110,7 +110,7 @@ typedef struct {
     int components, boundary;       /* joined by faces; outer triangles */
     double volume, volume_min, volume_max;       /* total; of one tetrahedron [m^3] */
     double dihedral_min, dihedral_max; int dihedral_min_tet, dihedral_max_tet; /* [degrees] */
-    double quality_min, quality_mean; int quality_min_tet; /* 6 sqrt(2) V / rms edge^3: 1 regular, 0 flat */
+    double quality_min, quality_mean; int quality_min_tet; /* mean ratio, 12 (3 V)^(2/3) / sum of edge^2: 1 regular, 0 flat */
     double aspect_max; int aspect_max_tet;       /* longest edge / (2 sqrt(6) inscribed radius): 1 regular */
     int slivers;                                 /* tetrahedra with a dihedral angle below 1 degree */
     double min[3], max[3], size;

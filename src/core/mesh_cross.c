@@ -27,8 +27,19 @@ typedef struct {
 /* Does the edge p q meet triangle b, both closed? */
 static bool edge_meets(const double *p, const double *q, const double b[3][3])
 {
+    const int above = cn_orient3d(b[0], b[1], b[2], p), below = cn_orient3d(b[0], b[1], b[2], q);
     double edge[3][3];
-    cn_copy3(p, edge[0]), cn_copy3(q, edge[1]), cn_copy3(q, edge[2]);
+    int turns = 0, against = 0;
+
+    if (above * below > 0) return false;
+    if (above || below) { /* it meets the plane in one point: on the same side of all three sides? */
+        for (int k = 0; k < 3; k++) {
+            const int side = cn_orient3d(p, q, b[k], b[(k + 1) % 3]);
+            turns += side > 0, against += side < 0;
+        }
+        return !turns || !against;
+    }
+    cn_copy3(p, edge[0]), cn_copy3(q, edge[1]), cn_copy3(q, edge[2]); /* in the plane */
     return cn_tri_tri(edge, b) != CN_TRI_APART;
 }
 

@@ -65,7 +65,7 @@ static void shape(const cn_tets *tets, int i, double v, double *quality, double 
     for (int a = 0; a < 4; a++)
         for (int b = 0; b < a; b++) {
             const double length = cn_distance(node(tets, i, a), node(tets, i, b));
-            square += length * length / 6;
+            square += length * length;
             longest = fmax(longest, length);
         }
     for (int a = 0; a < 4; a++) {
@@ -75,8 +75,8 @@ static void shape(const cn_tets *tets, int i, double v, double *quality, double 
         cn_cross(u, w, n);
         area += cn_norm(n) / 2;
     }
-    const double rms = sqrt(square), inscribed = 3 * fabs(v) / area;
-    *quality = rms > 0 ? 8.48528137423857 * v / (rms * rms * rms) : 0;              /* 6 sqrt 2 */
+    const double inscribed = 3 * fabs(v) / area, root = cbrt(3 * v);
+    *quality = square > 0 ? copysign(12 * root * root / square, v) : 0;
     *aspect = inscribed > 0 ? longest / (4.898979485566356 * inscribed) : INFINITY; /* 2 sqrt 6 */
 }
 
