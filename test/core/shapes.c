@@ -31,7 +31,7 @@ static cn_tets *make(int nnode, int ntet)
     return tets;
 }
 
-static void put(cn_tets *tets, int i, int a, int b, int c, int d)
+void shape_put(cn_tets *tets, int i, int a, int b, int c, int d)
 {
     int *t = tets->tet + 4 * i;
     double e[9];
@@ -46,7 +46,7 @@ cn_tets *shape_tet(double size)
     cn_tets *tets = make(4, 1);
     for (int i = 0; i < 3; i++)
         tets->node[3 * (i + 1) + i] = size;
-    put(tets, 0, 0, 1, 2, 3);
+    shape_put(tets, 0, 0, 1, 2, 3);
     return tets;
 }
 
@@ -72,7 +72,7 @@ cn_tets *shape_box(int nx, int ny, int nz, double h)
                 for (int b = 0; b < 8; b++)
                     c[b] = ((i + (b & 1)) * (ny + 1) + j + (b >> 1 & 1)) * (nz + 1) + k + (b >> 2 & 1);
                 for (int t = 0; t < 6; t++)
-                    put(tets, e++, c[kuhn[t][0]], c[kuhn[t][1]], c[kuhn[t][2]], c[kuhn[t][3]]);
+                    shape_put(tets, e++, c[kuhn[t][0]], c[kuhn[t][1]], c[kuhn[t][2]], c[kuhn[t][3]]);
             }
     return tets;
 }
@@ -92,9 +92,9 @@ cn_tets *shape_chain(int stations, int sides, double spacing, double radius)
         for (int k = 1; k <= sides; k++) {
             const int next = k % sides + 1, a = s * m, b = a + (k < next ? k : next),
                       c = a + (k < next ? next : k);
-            put(tets, e++, a, b, c, c + m);
-            put(tets, e++, a, b, b + m, c + m);
-            put(tets, e++, a, a + m, b + m, c + m);
+            shape_put(tets, e++, a, b, c, c + m);
+            shape_put(tets, e++, a, b, b + m, c + m);
+            shape_put(tets, e++, a, a + m, b + m, c + m);
         }
     return tets;
 }

@@ -12,6 +12,9 @@ cn_tets *shape_box(int nx, int ny, int nz, double h); /* Kuhn cells of size h, i
  * first, each prism cut by the lowest-index rule: 455, 6 is the paper's catheter. */
 cn_tets *shape_chain(int stations, int sides, double spacing, double radius);
 
+/* Tetrahedron i of nodes that are placed, turned where its volume would be negative. */
+void shape_put(cn_tets *tets, int i, int a, int b, int c, int d);
+
 /* NULL where the reference folder (CATNAV_REFERENCE, else the repo's copy) does not hold the file. */
 FILE *reference_open(const char *name);    /* such as "data/patch_test.json" */
 cn_tets *reference_mesh(const char *name); /* such as "patch": meshes/patch.txt */
