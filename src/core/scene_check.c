@@ -1,6 +1,6 @@
 /* Contradictions between keys of one map, and between parts of a scene. Each is called after all keys of its
  * map have been read and are in range. */
-#include "scene_schema.h"
+#include "scene_reader.h"
 #include "catnav/vec3.h"
 
 #include <limits.h>
@@ -70,7 +70,7 @@ cn_status cn_check_wall(struct cn_reader *reader, int node, void *base)
     if (wall->model == CN_WALL_RIGID) return CN_OK;
     const bool membrane = wall->model == CN_WALL_MEMBRANE;
     for (int i = 0; i < (membrane ? 5 : 4); i++)
-        if (cn_reader_child(reader, node, needed[i]) < 0)
+        if (cn_yaml_find(&reader->tree, node, needed[i]) < 0)
             return cn_reader_refuse(reader, node, NULL, "a %s wall needs the key \"%s\"",
                                     membrane ? "membrane" : "shell", needed[i]);
     if (membrane && !(wall->foundation > 0))
@@ -164,9 +164,9 @@ static cn_status check_names(struct cn_reader *reader, int node, const cn_scene 
 
     if (!named) return CN_ERR_MEMORY;
     for (int i = 0; i < 3; i++) {
-        const int list = cn_reader_child(reader, node, lists[i]);
-        int entry = list < 0 ? -1 : cn_reader_first(reader, list);
-        for (int j = 0; j < count[i] && entry >= 0; j++, k++, entry = cn_reader_next(reader, entry))
+        const int list = cn_yaml_find(&reader->tree, node, lists[i]);
+        int entry = list < 0 ? -1 : reader->tree.node[list].first;
+        for (int j = 0; j < count[i] && entry >= 0; j++, k++, entry = reader->tree.node[entry].next)
             named[k] = (named_t){i == 0   ? scene->vessel[j].name
                                  : i == 1 ? scene->obstacle[j].name
                                           : scene->body[j].name,
@@ -193,15 +193,15 @@ static bool has_surface(const cn_scene *scene, const char *name)
 cn_status cn_check_scene(struct cn_reader *reader, int node, void *base)
 {
     cn_scene *scene = base;
-    const int bodies = cn_reader_child(reader, node, "bodies");
-    int entry = cn_reader_first(reader, bodies);
+    const int bodies = cn_yaml_find(&reader->tree, node, "bodies");
+    int entry = reader->tree.node[bodies].first;
     cn_status status;
 
     if (!(scene->step <= scene->time_limit))
         return cn_reader_refuse(reader, node, "step", "%.10g s is longer than the time limit, %.10g s",
                                 scene->step, scene->time_limit);
     if ((status = check_names(reader, node, scene)) != CN_OK) return status;
-    for (int i = 0; i < scene->nbody; i++, entry = cn_reader_next(reader, entry)) {
+    for (int i = 0; i < scene->nbody; i++, entry = reader->tree.node[entry].next) {
         cn_path_spec *path = &scene->body[i].path;
         if ((int)path->sampling == CN_AUTO)
             path->sampling = scene->nvessel ? CN_SAMPLING_MEDIAL_AXIS : CN_SAMPLING_UNIFORM;

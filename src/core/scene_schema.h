@@ -72,13 +72,7 @@ const char *cn_key_expected(const cn_key *key, size_t size, char *text);
 int cn_key_choice(const cn_key *key, const char *word);
 void cn_schema_free(const cn_schema *schema, void *base); /* what the fields own */
 
-/* --- for checks (scene_check.c) --- */
-/* A contradiction at `key` of the map (or at the map itself where it is not given). */
-cn_status cn_reader_refuse(struct cn_reader *reader, int node, const char *key, const char *format, ...)
-    __attribute__((format(printf, 4, 5)));
-int cn_reader_child(const struct cn_reader *reader, int node, const char *key); /* -1: not given */
-int cn_reader_first(const struct cn_reader *reader, int node); /* first entry of a list; -1: none */
-int cn_reader_next(const struct cn_reader *reader, int node);
+/* --- scene_check.c: contradictions; `node` is the map, `base` what it has filled --- */
 cn_status cn_check_catheter(struct cn_reader *reader, int node, void *base);
 cn_status cn_check_beam(struct cn_reader *reader, int node, void *base);
 cn_status cn_check_box(struct cn_reader *reader, int node, void *base);
