@@ -17,16 +17,21 @@ struct cn_solver {
     double *product, *change; /* for the residual of the direct solvers (3 n each) */
 };
 
-/* Seconds a factorisation and three solves take, by the rates that bench_solve measures: arithmetic in dense
- * panels, passes over the factor, and CHOLMOD's overhead a column while its supernodes are narrow. */
-static double chain_seconds(double flops, double size)
+/* Seconds for a factorisation and three solves, by rates that were measured on one core with AVX-512 (tubes,
+ * bars and cubes of 700 to 8,000 nodes; right within a factor of 2): the chain's panels run at 25 Gflop/s
+ * while one fits into the cache of 1 MiB, else at 8; CHOLMOD at 10 Gflop/s and 30 ns an entry of the factor
+ * (its supernodes are narrow), or 1.5 Gflop/s without supernodes; solves pass twice over the factor, at 20
+ * and 7 GB/s. */
+static double chain_seconds(double flops, double size, int nlevel)
 {
-    return 2 * flops / 25e9 + 8 * size * 8 / 20e9;
+    const bool cached = 8 * size < (double)nlevel * (1 << 20);
+
+    return flops / (cached ? 25e9 : 8e9) + 3 * 16 * size / 20e9;
 }
 
 static double sparse_seconds(double flops, double size, bool supernodal)
 {
-    return flops / (supernodal ? 10e9 : 1.5e9) + 8 * size * 8 / 10e9;
+    return (supernodal ? flops / 10e9 + 30e-9 * size : flops / 1.5e9) + 3 * 16 * size / 7e9;
 }
 
 /* The cheaper of chain and CHOLMOD; solver->sparse is kept when CHOLMOD is. */
@@ -34,14 +39,17 @@ static cn_status choose(cn_solver *solver, const cn_matrix *pattern, const int *
 {
     double flops, size, sparse_flops, sparse_size;
     bool supernodal;
+    int nlevel = 0;
     cn_status status = cn_levels_cost(pattern, level, &flops, &size);
 
     if (status != CN_OK) return status;
+    for (int i = 0; i < pattern->n; i++)
+        if (level[i] >= nlevel) nlevel = level[i] + 1;
     *kind = CN_LINEAR_CHAIN;
     if (size <= 96.0 * 3 * pattern->n) return CN_OK; /* levels of 48 unknowns or fewer: no need to ask */
     if ((status = cn_sparse_new(&solver->sparse, pattern)) != CN_OK) return status;
     cn_sparse_cost(solver->sparse, &sparse_flops, &sparse_size, &supernodal);
-    if (chain_seconds(flops, size) <= sparse_seconds(sparse_flops, sparse_size, supernodal)) {
+    if (chain_seconds(flops, size, nlevel) <= sparse_seconds(sparse_flops, sparse_size, supernodal)) {
         cn_sparse_free(solver->sparse);
         solver->sparse = NULL;
         return CN_OK;

@@ -14,9 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef double v8 __attribute__((vector_size(64), may_alias));
 typedef double v2 __attribute__((vector_size(16), may_alias));
-typedef long long v8l __attribute__((vector_size(64), may_alias));
 
 /* One level's rows of the factor: see solve_chain_kernel.h. */
 typedef struct {
@@ -34,16 +32,29 @@ typedef struct {
 #pragma GCC optimize("fp-contract=fast")
 #endif
 
+/* Keeps a vector in its register: else it is loaded anew for each of its three products. */
+#ifdef __x86_64__
+#define KEEP(vector) __asm__("" : "+v"(vector))
+#else
+#define KEEP(vector) (void)(vector)
+#endif
+
 #define TARGET
-#define TILE         1
+#define VECTOR       vector2
+#define LANES        2
+#define TILE         4
 #define KERNEL(name) name##_plain
 #include "solve_chain_kernel.h"
 #ifdef __x86_64__
 #define TARGET       __attribute__((target("avx2,fma")))
-#define TILE         2
+#define VECTOR       vector4
+#define LANES        4
+#define TILE         4
 #define KERNEL(name) name##_avx2
 #include "solve_chain_kernel.h"
 #define TARGET       __attribute__((target("avx512f,avx512dq,avx512vl,avx2,fma")))
+#define VECTOR       vector8
+#define LANES        8
 #define TILE         8
 #define KERNEL(name) name##_avx512
 #include "solve_chain_kernel.h"
@@ -106,87 +117,6 @@ struct cn_chain {
     const double *b;
     double *x;
 };
-
-static double cost_of(double m, double next)
-{
-    return m * m * m / 3 + m * m * next + m * next * next;
-}
-
-cn_status cn_levels_cost(const cn_matrix *pattern, const int *level, double *flops, double *size)
-{
-    int nlevel = 0;
-
-    *flops = *size = 0;
-    for (int i = 0; i < pattern->n; i++)
-        if (level[i] >= nlevel) nlevel = level[i] + 1;
-    double *m = calloc((size_t)nlevel + 1, sizeof *m);
-    if (!m) return CN_ERR_MEMORY;
-    for (int i = 0; i < pattern->n; i++)
-        m[level[i]] += 3;
-    for (int l = 0; l < nlevel; l++) {
-        *flops += cost_of(m[l], m[l + 1]);
-        *size += m[l] * (m[l] + m[l + 1]);
-    }
-    free(m);
-    return CN_OK;
-}
-
-bool cn_levels_check(const cn_matrix *pattern, const int *level)
-{
-    for (int i = 0; i < pattern->n; i++) {
-        if (level[i] < 0 || level[i] >= pattern->n) return false;
-        for (int k = pattern->row[i]; k < pattern->row[i + 1]; k++)
-            if (abs(level[i] - level[pattern->col[k]]) > 1) return false;
-    }
-    return true;
-}
-
-/* Levels of i's component by breadth-first search, counted from `base`; nodes in queue order. Returns their
- * number; the last in the queue is one of the farthest. `level` entries below `base` are nodes not to be
- * entered. */
-static int breadth_first(const cn_matrix *a, int i, int base, int *level, int *queue)
-{
-    int count = 0;
-
-    queue[count++] = i;
-    level[i] = base;
-    for (int head = 0; head < count; head++)
-        for (int k = a->row[queue[head]]; k < a->row[queue[head] + 1]; k++) {
-            const int j = a->col[k];
-            if (level[j] >= 0) continue;
-            level[j] = level[queue[head]] + 1;
-            queue[count++] = j;
-        }
-    return count;
-}
-
-cn_status cn_levels_find(const cn_matrix *pattern, int *level)
-{
-    int *queue = malloc(((size_t)pattern->n + 1) * sizeof *queue);
-    int base = 0;
-
-    if (!queue) return CN_ERR_MEMORY;
-    for (int i = 0; i < pattern->n; i++)
-        level[i] = -1;
-    for (int i = 0; i < pattern->n; i++) {
-        if (level[i] >= 0) continue;
-        int start = i, depth = -1;
-        for (;;) { /* George and Liu's pseudo-peripheral node: farther as long as the depth grows */
-            const int count = breadth_first(pattern, start, base, level, queue);
-            const int last = queue[count - 1], grown = level[last] - base;
-            if (grown <= depth) {
-                base = level[last] + 1;
-                break;
-            }
-            depth = grown;
-            start = last;
-            for (int k = 0; k < count; k++)
-                level[queue[k]] = -1;
-        }
-    }
-    free(queue);
-    return CN_OK;
-}
 
 static int padded(int m)
 {
@@ -407,10 +337,10 @@ static void plan_sides(cn_chain *chain)
         for (int r = chain->first[high]; r < chain->first[high + 1] && all; r++)
             all = chain->held[chain->node[r]];
     for (int l = low; l < high; l++)
-        total += cost_of(chain->panel[l].m, chain->panel[l + 1].m);
+        total += cn_level_flops(chain->panel[l].m, chain->panel[l + 1].m);
     int meeting = low;
     while (meeting < high && 2 * up < total) {
-        up += cost_of(chain->panel[meeting].m, chain->panel[meeting + 1].m);
+        up += cn_level_flops(chain->panel[meeting].m, chain->panel[meeting + 1].m);
         meeting++;
     }
     chain->meeting = meeting;

@@ -8,23 +8,27 @@
  * panels before), divided by the group's 3x3 Cholesky factor. Entries up to and with the diagonal are stored
  * as 0, so that the solves run over whole vectors; the diagonal's inverse stands apart. */
 
-/* c[0..2] -= x' y over K rows of a panel of stride s: three rows of nv 8-vectors. */
+typedef double VECTOR __attribute__((vector_size(8 * LANES), may_alias));
+typedef long long KERNEL(mask) __attribute__((vector_size(8 * LANES), may_alias));
+
+/* c[0..2] -= x' y over K rows of a panel of stride s: three rows of nv vectors. */
 TARGET static inline __attribute__((always_inline)) void
 KERNEL(tile)(double *c, int cs, const double *x, const double *y, int s, int K, const int nv)
 {
-    v8 acc0[TILE], acc1[TILE], acc2[TILE];
+    VECTOR acc0[TILE], acc1[TILE], acc2[TILE];
 
 #pragma GCC unroll 8
     for (int v = 0; v < nv; v++) {
-        acc0[v] = *(const v8 *)(c + 8 * v);
-        acc1[v] = *(const v8 *)(c + cs + 8 * v);
-        acc2[v] = *(const v8 *)(c + 2 * cs + 8 * v);
+        acc0[v] = *(const VECTOR *)(c + LANES * v);
+        acc1[v] = *(const VECTOR *)(c + cs + LANES * v);
+        acc2[v] = *(const VECTOR *)(c + 2 * cs + LANES * v);
     }
     for (int j = 0; j < K; j++, x += s, y += s) {
         const double x0 = x[0], x1 = x[1], x2 = x[2];
 #pragma GCC unroll 8
         for (int v = 0; v < nv; v++) {
-            const v8 yv = *(const v8 *)(y + 8 * v);
+            VECTOR yv = *(const VECTOR *)(y + LANES * v);
+            KEEP(yv);
             acc0[v] -= x0 * yv;
             acc1[v] -= x1 * yv;
             acc2[v] -= x2 * yv;
@@ -32,9 +36,9 @@ KERNEL(tile)(double *c, int cs, const double *x, const double *y, int s, int K, 
     }
 #pragma GCC unroll 8
     for (int v = 0; v < nv; v++) {
-        *(v8 *)(c + 8 * v) = acc0[v];
-        *(v8 *)(c + cs + 8 * v) = acc1[v];
-        *(v8 *)(c + 2 * cs + 8 * v) = acc2[v];
+        *(VECTOR *)(c + LANES * v) = acc0[v];
+        *(VECTOR *)(c + cs + LANES * v) = acc1[v];
+        *(VECTOR *)(c + 2 * cs + LANES * v) = acc2[v];
     }
 }
 
@@ -42,31 +46,29 @@ KERNEL(tile)(double *c, int cs, const double *x, const double *y, int s, int K, 
 TARGET static inline void KERNEL(update)(double *c, int cs, const double *x, const double *y, int s, int K,
                                          int columns)
 {
-    int nv = columns / 8;
+    int nv = columns / LANES;
 
-    for (; nv >= TILE; nv -= TILE, c += 8 * TILE, y += 8 * TILE)
+    for (; nv >= TILE; nv -= TILE, c += LANES * TILE, y += LANES * TILE)
         KERNEL(tile)(c, cs, x, y, s, K, TILE);
-    switch (nv) {
-#if TILE > 2
+    switch (nv) { /* fewer than TILE are left, and no tile wider than TILE is made */
     case 7:
-        KERNEL(tile)(c, cs, x, y, s, K, 7);
+        KERNEL(tile)(c, cs, x, y, s, K, 7 < TILE ? 7 : 1);
         break;
     case 6:
-        KERNEL(tile)(c, cs, x, y, s, K, 6);
+        KERNEL(tile)(c, cs, x, y, s, K, 6 < TILE ? 6 : 1);
         break;
     case 5:
-        KERNEL(tile)(c, cs, x, y, s, K, 5);
+        KERNEL(tile)(c, cs, x, y, s, K, 5 < TILE ? 5 : 1);
         break;
     case 4:
-        KERNEL(tile)(c, cs, x, y, s, K, 4);
+        KERNEL(tile)(c, cs, x, y, s, K, 4 < TILE ? 4 : 1);
         break;
     case 3:
-        KERNEL(tile)(c, cs, x, y, s, K, 3);
+        KERNEL(tile)(c, cs, x, y, s, K, 3 < TILE ? 3 : 1);
         break;
     case 2:
-        KERNEL(tile)(c, cs, x, y, s, K, 2);
+        KERNEL(tile)(c, cs, x, y, s, K, 2 < TILE ? 2 : 1);
         break;
-#endif
     case 1:
         KERNEL(tile)(c, cs, x, y, s, K, 1);
         break;
@@ -79,7 +81,10 @@ TARGET static inline void KERNEL(update)(double *c, int cs, const double *x, con
 TARGET static bool KERNEL(factor)(panel *to, int width, int nbefore, panel *const *before)
 {
     const int s = to->s;
-    const v8l lane = {0, 1, 2, 3, 4, 5, 6, 7};
+    KERNEL(mask) lane = {0};
+
+    for (int v = 0; v < LANES; v++)
+        lane[v] = v;
 
     for (int i = 0; i < to->m; i += 3) {
         const int c0 = i & ~7;
@@ -105,18 +110,18 @@ TARGET static bool KERNEL(factor)(panel *to, int width, int nbefore, panel *cons
         const double q2 = 1 / sqrt(d2);
         inverse[0] = q0, inverse[1] = q1, inverse[2] = q2;
 
-        for (int c = c0; c < width; c += 8) {
-            v8 a0 = *(v8 *)(r0 + c) * q0;
-            v8 a1 = (*(v8 *)(r1 + c) - u01 * a0) * q1;
-            v8 a2 = (*(v8 *)(r2 + c) - u02 * a0 - u12 * a1) * q2;
+        for (int c = c0; c < width; c += LANES) {
+            VECTOR a0 = *(VECTOR *)(r0 + c) * q0;
+            VECTOR a1 = (*(VECTOR *)(r1 + c) - u01 * a0) * q1;
+            VECTOR a2 = (*(VECTOR *)(r2 + c) - u02 * a0 - u12 * a1) * q2;
             if (c <= i + 2) { /* nothing up to and with the diagonal */
-                a0 = (v8)((v8l)a0 & (lane + c > i));
-                a1 = (v8)((v8l)a1 & (lane + c > i + 1));
-                a2 = (v8)((v8l)a2 & (lane + c > i + 2));
+                a0 = (VECTOR)((KERNEL(mask))a0 & (lane + c > i));
+                a1 = (VECTOR)((KERNEL(mask))a1 & (lane + c > i + 1));
+                a2 = (VECTOR)((KERNEL(mask))a2 & (lane + c > i + 2));
             }
-            *(v8 *)(r0 + c) = a0;
-            *(v8 *)(r1 + c) = a1;
-            *(v8 *)(r2 + c) = a2;
+            *(VECTOR *)(r0 + c) = a0;
+            *(VECTOR *)(r1 + c) = a1;
+            *(VECTOR *)(r2 + c) = a2;
         }
     }
     return true;
@@ -134,17 +139,21 @@ TARGET static void KERNEL(forward)(const panel *from, int width, double *t, doub
         const double y1 = (t[i + 1] - r0[i + 1] * y0) * inverse[1];
         const double y2 = (t[i + 2] - r0[i + 2] * y0 - r1[i + 2] * y1) * inverse[2];
         y[i] = y0, y[i + 1] = y1, y[i + 2] = y2;
-        for (int c = i & ~7; c < width; c += 8)
-            *(v8 *)(t + c) -=
-                y0 * *(const v8 *)(r0 + c) + y1 * *(const v8 *)(r1 + c) + y2 * *(const v8 *)(r2 + c);
+        for (int c = i & ~7; c < width; c += LANES)
+            *(VECTOR *)(t + c) -= y0 * *(const VECTOR *)(r0 + c) + y1 * *(const VECTOR *)(r1 + c) +
+                                  y2 * *(const VECTOR *)(r2 + c);
     }
 }
 
-TARGET static inline __attribute__((always_inline)) double KERNEL(sum)(const v8 *v)
+TARGET static inline __attribute__((always_inline)) double KERNEL(sum)(const VECTOR *v)
 {
     const v2 *part = (const v2 *)v;
-    const v2 half = (part[0] + part[1]) + (part[2] + part[3]);
+    v2 half = part[0];
 
+    if (LANES == 8)
+        half = (part[0] + part[1]) + (part[LANES / 2 - 2] + part[LANES / 2 - 1]);
+    else if (LANES == 4)
+        half = part[0] + part[LANES / 2 - 1];
     return half[0] + half[1];
 }
 
@@ -155,12 +164,12 @@ TARGET static void KERNEL(backward)(const panel *from, int width, const double *
 
     for (int i = from->m - 3; i >= 0; i -= 3) {
         const double *r0 = from->a + (size_t)i * s, *r1 = r0 + s, *r2 = r1 + s, *inverse = from->inverse + i;
-        v8 s0 = {0}, s1 = {0}, s2 = {0};
-        for (int c = i & ~7; c < width; c += 8) {
-            const v8 xv = *(const v8 *)(x + c);
-            s0 += *(const v8 *)(r0 + c) * xv;
-            s1 += *(const v8 *)(r1 + c) * xv;
-            s2 += *(const v8 *)(r2 + c) * xv;
+        VECTOR s0 = {0}, s1 = {0}, s2 = {0};
+        for (int c = width - LANES; c >= (i & ~7); c -= LANES) { /* the newest x last */
+            const VECTOR xv = *(const VECTOR *)(x + c);
+            s0 += *(const VECTOR *)(r0 + c) * xv;
+            s1 += *(const VECTOR *)(r1 + c) * xv;
+            s2 += *(const VECTOR *)(r2 + c) * xv;
         }
         x[i + 2] = (y[i + 2] - KERNEL(sum)(&s2)) * inverse[2];
         x[i + 1] = (y[i + 1] - KERNEL(sum)(&s1) - r1[i + 2] * x[i + 2]) * inverse[1];
@@ -171,3 +180,5 @@ TARGET static void KERNEL(backward)(const panel *from, int width, const double *
 #undef KERNEL
 #undef TARGET
 #undef TILE
+#undef LANES
+#undef VECTOR

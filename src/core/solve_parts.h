@@ -15,6 +15,11 @@
 cn_status cn_levels_find(const cn_matrix *pattern, int *level);
 /* Whether `level` (n, >= 0) is such a structure. */
 bool cn_levels_check(const cn_matrix *pattern, const int *level);
+/* Eliminating a level of m unknowns with `next` in the next one [multiplications and additions]. */
+static inline double cn_level_flops(double m, double next)
+{
+    return m * m * m / 3 + m * m * next + m * next * next;
+}
 /* Flops of one factorisation by levels [multiplications and additions], and the factor's doubles. */
 cn_status cn_levels_cost(const cn_matrix *pattern, const int *level, double *flops, double *size);
 
