@@ -19,7 +19,7 @@ struct cn_solver {
 
 /* Seconds for a factorisation and three solves, by rates that were measured on one core with AVX-512 (tubes,
  * bars and cubes of 700 to 8,000 nodes; right within a factor of 2): the chain's panels run at 25 Gflop/s
- * while one fits into the cache of 1 MiB, else at 8; CHOLMOD at 10 Gflop/s and 30 ns an entry of the factor
+ * while one fits into the cache of 1 MiB, else at 8; CHOLMOD at 25 Gflop/s and 16 ns an entry of the factor
  * (its supernodes are narrow), or 1.5 Gflop/s without supernodes; solves pass twice over the factor, at 20
  * and 7 GB/s. */
 static double chain_seconds(double flops, double size, int nlevel)
@@ -31,7 +31,7 @@ static double chain_seconds(double flops, double size, int nlevel)
 
 static double sparse_seconds(double flops, double size, bool supernodal)
 {
-    return (supernodal ? flops / 10e9 + 30e-9 * size : flops / 1.5e9) + 3 * 16 * size / 7e9;
+    return (supernodal ? flops / 25e9 + 16e-9 * size : flops / 1.5e9) + 3 * 16 * size / 7e9;
 }
 
 /* The cheaper of chain and CHOLMOD; solver->sparse is kept when CHOLMOD is. */

@@ -22,6 +22,20 @@ struct cn_sparse {
 
 /* Two BLAS threads on small supernodes are slower than one, and their sums vary. */
 extern void openblas_set_num_threads(int threads) __attribute__((weak));
+extern void omp_set_max_active_levels(int levels) __attribute__((weak));
+extern int omp_get_max_active_levels(void) __attribute__((weak));
+
+/* The supernodal module's OpenMP loops, which ask for four threads, made slower on two busy cores by 1.5
+ * to 3. */
+static int factorize(cn_sparse *sparse)
+{
+    const int levels = omp_get_max_active_levels ? omp_get_max_active_levels() : 0;
+
+    if (omp_set_max_active_levels) omp_set_max_active_levels(0); /* of the calling thread alone */
+    const int done = cholmod_factorize(sparse->matrix, sparse->factor, &sparse->common);
+    if (omp_set_max_active_levels) omp_set_max_active_levels(levels);
+    return done;
+}
 
 /* Order of the nodes with least fill: AMD or METIS. */
 static cn_status order_nodes(cn_sparse *sparse, const cn_matrix *a)
@@ -155,7 +169,7 @@ cn_status cn_sparse_new(cn_sparse **out, const cn_matrix *pattern)
     for (size_t i = 0; i < n; i++) /* a first factor, of the identity, takes the memory of all later ones */
         all[i] = 1;
     fill(sparse, pattern, all);
-    if (!cholmod_factorize(sparse->matrix, sparse->factor, common)) goto done;
+    if (!factorize(sparse)) goto done;
     status = CN_OK;
 done:
     free(all);
@@ -216,8 +230,7 @@ cn_status cn_sparse_factor(cn_sparse *sparse, const cn_matrix *a, const unsigned
     cholmod_common *common = &sparse->common;
 
     fill(sparse, a, held);
-    if (!cholmod_factorize(sparse->matrix, sparse->factor, common))
-        return common->status == CHOLMOD_NOT_POSDEF ? CN_ERR_SINGULAR : CN_ERR_MEMORY;
+    if (!factorize(sparse)) return common->status == CHOLMOD_NOT_POSDEF ? CN_ERR_SINGULAR : CN_ERR_MEMORY;
     if (common->status == CHOLMOD_NOT_POSDEF || sparse->factor->minor < sparse->factor->n)
         return CN_ERR_SINGULAR;
     return pivots_positive(sparse) ? CN_OK : CN_ERR_SINGULAR;
