@@ -97,7 +97,9 @@ char *cn_doctor_text(const cn_doctor *doctor, const char *name);
 char *cn_doctor_json(const cn_doctor *doctor, const char *name);
 
 /* Fills a closed surface by the `tetgen` command (temporary folder, time and memory limit), after the
- * crossing test; `max_volume` of one tetrahedron [m^3], 0: the mesher's choice. */
+ * crossing test; `max_volume` of one tetrahedron [m^3], 0: the mesher's choice (the surface is kept as it is, so
+ * beside large triangles tetrahedra stay larger). Its vertices come first, in the surface's order without the
+ * unused ones, exactly where they were. CN_ERR_MESH: refused before; CN_ERR_MESHER: the mesher failed. */
 cn_status cn_tets_fill(cn_tets **out, const cn_surface *surface, double max_volume, cn_error *error);
 /* Refuses what FEM cannot use (index, zero or negative volume, duplicate, unused node, non-manifold face);
  * negatively oriented tetrahedra are turned and counted in *turned. */

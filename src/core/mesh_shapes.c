@@ -99,7 +99,7 @@ cn_status cn_tets_catheter(cn_tets **out, double length, double diameter, double
     if ((status = cn_tets_new(&tets, stations * per, (stations - 1) * sides * (hollow ? 6 : 3))) != CN_OK)
         return cn_fail(error, status, NULL, 0, "out of memory for a catheter of %d stations", stations);
     for (int j = 0; j < stations; j++) {
-        const double z = -length * j / (stations - 1);
+        const double z = -length * ((double)j / (stations - 1)); /* the ends are exact */
         double *x = tets->node + 3 * (size_t)j * per;
         if (!hollow) set3(x, 0, 0, z), x += 3;
         for (int ring = 0; ring < rings; ring++)
@@ -145,7 +145,8 @@ cn_status cn_tets_beam(cn_tets **out, const double size[3], const int cells[3], 
     for (int i = 0; i <= cells[0]; i++) /* x slowest: a long beam is a chain of its sections */
         for (int j = 0; j <= cells[1]; j++)
             for (int k = 0; k <= cells[2]; k++, x += 3)
-                set3(x, size[0] * i / cells[0], size[1] * j / cells[1], size[2] * k / cells[2]);
+                set3(x, size[0] * ((double)i / cells[0]), size[1] * ((double)j / cells[1]),
+                     size[2] * ((double)k / cells[2]));
     for (int i = 0; i < cells[0]; i++)
         for (int j = 0; j < cells[1]; j++)
             for (int k = 0; k < cells[2]; k++) {
