@@ -13,7 +13,7 @@ void cn_map_free(cn_map *map)
     }
     for (int k = 0; k < map->nfill; k++)
         free(map->fill[k]);
-    free(map->ridge_x), free(map->ridge_clearance), free(map);
+    free(map->cap), free(map->ridge_x), free(map->ridge_clearance), free(map);
 }
 
 /* All triangles in cells. */
@@ -50,6 +50,7 @@ cn_status cn_map_new(cn_map **out, const cn_world *world, const double min[3], c
     *out = NULL;
     if (!map) return status;
     map->cell = cell;
+    map->corridor = corridor / cell;
     for (int k = 0; k < 3; k++) {
         map->size[k] = 8 * (int)ceil((max[k] - min[k]) / cell / 8);
         if (map->size[k] < 8) map->size[k] = 8;
@@ -57,7 +58,7 @@ cn_status cn_map_new(cn_map **out, const cn_world *world, const double min[3], c
     }
     if ((status = walls_new(&walls, map, world)) != CN_OK) goto done;
     map->bare = walls.ntri == 0;
-    if ((status = cn_map_fill(map, world, corridor, pool)) != CN_OK) goto done;
+    if ((status = cn_map_fill(map, world, pool)) != CN_OK) goto done;
     if ((status = cn_map_measure(map, &walls, pool)) != CN_OK) goto done;
     if ((status = cn_map_find_fill(map)) != CN_OK) goto done;
     status = cn_map_find_ridge(map, world, pool);
@@ -114,6 +115,21 @@ double cn_map_lower(const cn_map *map, const double x[3], bool *certain)
     return best;
 }
 
+/* True when x [cells] lies beside a corridor, less than a cell away: no wall parts it from the free space. */
+static bool beside_corridor(const cn_map *map, const double x[3])
+{
+    for (int i = 0; i < map->ncap; i++) {
+        const double *cap = map->cap[i], wide = cap[6] + 1;
+        double d[3];
+        cn_sub(x, cap, d);
+        const double along = cn_dot(d, cap + 3), across = cn_norm2(d) - along * along;
+        if (along >= 0 && along <= fmin(map->corridor, cap[6]) + 1 && across >= cap[6] * cap[6] &&
+            across <= wide * wide)
+            return true;
+    }
+    return false;
+}
+
 double cn_map_cell(const cn_map *map)
 {
     return map->cell;
@@ -122,9 +138,14 @@ double cn_map_cell(const cn_map *map)
 double cn_map_clearance(const cn_map *map, const double p[3])
 {
     double x[3];
+    int i[3];
     bool certain;
-    for (int k = 0; k < 3; k++)
+    for (int k = 0; k < 3; k++) {
         x[k] = (p[k] - map->origin[k]) / map->cell;
+        if (!(x[k] >= 0 && x[k] <= map->size[k])) return 0;
+        i[k] = (int)x[k];
+    }
+    if (!cn_map_free_cell(map, i) || beside_corridor(map, x)) return 0;
     const double clearance = map->cell * cn_map_lower(map, x, &certain);
     return !certain ? 0 : map->bare ? INFINITY : clearance;
 }

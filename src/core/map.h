@@ -32,6 +32,9 @@ struct cn_map {
     int size[3];            /* cells a side, multiples of CN_MAP_SIDE */
     int64_t nfree;          /* free cells */
     bool bare;              /* no wall at all: clearance is infinite */
+    int ncap;
+    double (*cap)[7]; /* corridors beyond the vessels' caps: centre, normal, radius [cells] */
+    double corridor;  /* how deep they are mapped, at most a radius [cells] */
     int nlevel;
     cn_map_level level[CN_MAP_LEVELS];
     uint8_t *fill[32]; /* per scale: 0 none, 1 some, 2 all cells of a cube of 8 2^k cells are free */
@@ -78,7 +81,7 @@ double cn_map_lower(const cn_map *map, const double x[3], bool *certain);
 /* The rooms of the map, in the order in which they are made. */
 cn_status cn_map_level_new(cn_map_level *level, const int size[3]); /* sets size, clears the places */
 cn_status cn_map_level_number(cn_map_level *level);                 /* places marked 0 become bricks */
-cn_status cn_map_fill(cn_map *map, const cn_world *world, double corridor, cn_pool *pool);
+cn_status cn_map_fill(cn_map *map, const cn_world *world, cn_pool *pool);
 cn_status cn_map_measure(cn_map *map, const cn_map_walls *walls, cn_pool *pool);
 cn_status cn_map_find_ridge(cn_map *map, const cn_world *world, cn_pool *pool);
 cn_status cn_map_find_fill(cn_map *map);

@@ -28,11 +28,9 @@ typedef struct {
 typedef struct {
     cn_map *map;
     const cn_world *world;
-    int nface, nslab, ncap;
+    int nface, nslab;
     face *face;
     int *start, *item; /* faces that meet the rows of each slab */
-    double (*cap)[7];  /* corridors: centre, normal, radius [cells] */
-    double depth;      /* of the corridors [cells] */
     slab *slab;
 } job;
 
@@ -127,7 +125,7 @@ static bool scan_face(const job *j, slab *s, int islab, const face *f)
 /* Cells of the corridor beyond cap `icap`: beyond its plane, within its radius. */
 static bool scan_corridor(const job *j, slab *s, int islab, int icap)
 {
-    const double *cap = j->cap[icap], radius = cap[6], depth = fmin(j->depth, radius);
+    const double *cap = j->map->cap[icap], radius = cap[6], depth = fmin(j->map->corridor, radius);
     const double reach = sqrt(radius * radius + depth * depth);
     const int *size = j->map->size, wall = j->world->nwall + icap;
     int low[3], high[3];
@@ -148,6 +146,26 @@ static bool scan_corridor(const job *j, slab *s, int islab, int icap)
                 was = in;
             }
         }
+    return true;
+}
+
+/* Cells behind a plane: one end of each row. */
+static bool scan_half_space(const job *j, slab *s, int islab, int iwall)
+{
+    const int *size = j->map->size;
+    const double *normal = j->world->wall[iwall].plane + 3;
+    double at[3];
+    to_cells(j->map, j->world->wall[iwall].plane, at);
+    for (int row = 0; row < 8 * size[1]; row++) {
+        const double y = row % size[1] + 0.5, z = 8 * islab + row / size[1] + 0.5;
+        const double rest = (y - at[1]) * normal[1] + (z - at[2]) * normal[2];
+        const double turn = ceil(at[0] - rest / normal[0] - 0.5); /* first cell centre past the plane */
+        int from = 0, to = normal[0] > 0 ? clamped(turn, 0, size[0]) : size[0];
+        if (normal[0] < 0) from = clamped(turn, 0, size[0]);
+        if (normal[0] == 0 && rest > 0) continue;
+        if (from < to && !(add_crossing(s, row, from, iwall) && add_crossing(s, row, to, iwall)))
+            return false;
+    }
     return true;
 }
 
@@ -193,14 +211,16 @@ static void scan_slab(void *user, int islab)
 {
     const job *j = user;
     slab *s = j->slab + islab;
-    const int nwall = j->world->nwall + j->ncap, rows = 8 * j->map->size[1];
+    const int nwall = j->world->nwall + j->map->ncap, rows = 8 * j->map->size[1];
     int *parity = calloc(2 * (size_t)nwall + 2, sizeof *parity);
     s->failed = true;
     if (!parity) return;
     for (int i = j->start[islab]; i < j->start[islab + 1]; i++)
         if (!scan_face(j, s, islab, j->face + j->item[i])) goto done;
-    for (int i = 0; i < j->ncap; i++)
+    for (int i = 0; i < j->map->ncap; i++)
         if (!scan_corridor(j, s, islab, i)) goto done;
+    for (int i = 0; i < j->world->nwall; i++)
+        if (j->world->wall[i].half_space && !scan_half_space(j, s, islab, i)) goto done;
     if (s->ncrossing) qsort(s->crossing, (size_t)s->ncrossing, sizeof *s->crossing, by_place);
     for (int i = 0, row = 0; row < rows; row++) {
         int end = i;
@@ -255,12 +275,12 @@ static cn_status list_faces(job *j)
     for (int w = 0; w < world->nwall; w++) {
         room += (size_t)world->wall[w].surface->ntri +
                 (world->wall[w].caps ? (size_t)world->wall[w].caps->ntri : 0);
-        j->ncap += world->wall[w].ncap;
+        j->map->ncap += world->wall[w].ncap;
     }
     j->face = malloc((room + 1) * sizeof *j->face);
-    j->cap = malloc(((size_t)j->ncap + 1) * sizeof *j->cap);
+    j->map->cap = malloc(((size_t)j->map->ncap + 1) * sizeof *j->map->cap);
     j->start = calloc((size_t)j->nslab + 2, sizeof *j->start);
-    if (!j->face || !j->cap || !j->start) return CN_ERR_MEMORY;
+    if (!j->face || !j->map->cap || !j->start) return CN_ERR_MEMORY;
     for (int w = 0, icap = 0; w < world->nwall; w++) {
         const cn_wall *wall = world->wall + w;
         const cn_surface *part[2] = {wall->surface, wall->caps};
@@ -273,9 +293,9 @@ static cn_status list_faces(job *j)
                     f->corner[k] = part[p]->vert + 3 * (size_t)part[p]->tri[3 * t + k];
             }
         for (int i = 0; i < wall->ncap; i++, icap++) {
-            memcpy(j->cap[icap], wall->cap[i], sizeof *j->cap);
-            to_cells(j->map, wall->cap[i], j->cap[icap]);
-            j->cap[icap][6] = wall->cap[i][6] / j->map->cell;
+            memcpy(j->map->cap[icap], wall->cap[i], sizeof *j->map->cap);
+            to_cells(j->map, wall->cap[i], j->map->cap[icap]);
+            j->map->cap[icap][6] = wall->cap[i][6] / j->map->cell;
         }
     }
     for (int pass = 0; pass < 2; pass++) { /* count, then list */
@@ -300,9 +320,9 @@ static cn_status list_faces(job *j)
     return CN_OK;
 }
 
-cn_status cn_map_fill(cn_map *map, const cn_world *world, double corridor, cn_pool *pool)
+cn_status cn_map_fill(cn_map *map, const cn_world *world, cn_pool *pool)
 {
-    job j = {.map = map, .world = world, .nslab = map->size[2] / 8, .depth = corridor / map->cell};
+    job j = {.map = map, .world = world, .nslab = map->size[2] / 8};
     cn_status status = CN_ERR_MEMORY;
     if (!(j.slab = calloc((size_t)j.nslab, sizeof *j.slab))) return status;
     if ((status = list_faces(&j)) != CN_OK) goto done;
@@ -323,6 +343,6 @@ cn_status cn_map_fill(cn_map *map, const cn_world *world, double corridor, cn_po
 done:
     for (int s = 0; s < j.nslab; s++)
         free(j.slab[s].crossing), free(j.slab[s].run);
-    free(j.slab), free(j.face), free(j.cap), free(j.start), free(j.item);
+    free(j.slab), free(j.face), free(j.start), free(j.item);
     return status;
 }
