@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include "catnav/octree.h"
 #include "node_parts.h"
 
 void stage_free(stage *s)
@@ -31,6 +32,33 @@ void stage_drop(cn_node *node, stage *s)
     if (last) stage_free(s);
 }
 
+static int by_value(const void *p, const void *q)
+{
+    const double a = *(const double *)p, b = *(const double *)q;
+    return (a > b) - (a < b);
+}
+
+/* A mesh in the wrong unit shows in its median lumen diameter over the device's. */
+static cn_status check_size(const cn_world *world, double diameter, cn_error *error)
+{
+    const double *x, *clearance;
+    const int n = cn_map_ridge(world->map, &x, &clearance);
+    double *sorted;
+
+    if (n == 0 || world->nvessel == 0) return CN_OK;
+    if (!(sorted = malloc((size_t)n * sizeof *sorted))) return CN_ERR_MEMORY;
+    memcpy(sorted, clearance, (size_t)n * sizeof *sorted);
+    qsort(sorted, (size_t)n, sizeof *sorted, by_value);
+    const double lumen = 2 * sorted[n / 2], ratio = lumen / diameter;
+    free(sorted);
+    if (ratio >= 0.5 && ratio <= 200) return CN_OK;
+    return cn_fail(
+        error, CN_ERR_MESH, "", 0,
+        "the lumen's median diameter is %.4g m, %.3g times the device's: expected 0.5 to 200; are the "
+        "vertices in metres?",
+        lumen, ratio);
+}
+
 cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmesh, const cn_replacement *mesh,
                     const char *frame, cn_error *error)
 {
@@ -44,8 +72,10 @@ cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmes
     if ((status = cn_scene_read(&s->scene, file, node->nsetting, node->setting, error)) != CN_OK) goto fail;
     if ((status = cn_world_new(&s->world, s->scene, nmesh, mesh, error)) != CN_OK) goto fail;
     if (s->scene->nbody > 0 && s->scene->body[0].shape.kind == CN_SHAPE_CATHETER) {
-        const double radius = s->scene->body[0].shape.catheter.diameter / 2;
-        if ((status = cn_world_map(s->world, radius, node->threads, error)) != CN_OK) goto fail;
+        const double diameter = s->scene->body[0].shape.catheter.diameter;
+        if ((status = cn_world_map(s->world, diameter / 2, node->threads, error)) != CN_OK) goto fail;
+        if ((status = check_size(s->world, diameter, error)) != CN_OK) goto fail;
+        if ((status = cn_octree_attach(s->world, error)) != CN_OK) goto fail;
     }
     *out = s;
     return CN_OK;
@@ -104,20 +134,30 @@ void meshes_free(int n, cn_replacement *mesh)
     free(mesh);
 }
 
-/* The meshes in force with one replaced or added; the list is the caller's, the surfaces but the new one are
- * shared with the old list. *slot: where the new one is. */
+/* The meshes in force without one of that name, and the new one last: the last counts where two mean the same
+ * vessel. The list is the caller's, the surfaces but the new one are shared with the old list. */
 static cn_status meshes_with(const cn_node *node, const char *name, const cn_surface *surface,
-                             cn_replacement **out, int *n, int *slot)
+                             cn_replacement **out, int *n)
 {
-    int k = 0;
-    while (k < node->nmesh && strcmp(node->mesh[k].name, name))
-        k++;
-    *n = k < node->nmesh ? node->nmesh : node->nmesh + 1;
-    *slot = k;
-    if (!(*out = malloc((size_t)*n * sizeof **out))) return CN_ERR_MEMORY;
-    if (node->nmesh > 0) memcpy(*out, node->mesh, (size_t)node->nmesh * sizeof **out);
-    (*out)[k] = (cn_replacement){name, surface};
+    if (!(*out = malloc((size_t)(node->nmesh + 1) * sizeof **out))) return CN_ERR_MEMORY;
+    *n = 0;
+    for (int i = 0; i < node->nmesh; i++)
+        if (strcmp(node->mesh[i].name, name)) (*out)[(*n)++] = node->mesh[i];
+    (*out)[(*n)++] = (cn_replacement){name, surface};
     return CN_OK;
+}
+
+/* Takes over a list of meshes_with; what it leaves out, or an only vessel's new mesh shadows, is freed. */
+static void meshes_keep(cn_node *node, cn_replacement *mesh, int n, bool only_vessel)
+{
+    for (int i = 0; i < node->nmesh; i++)
+        if (only_vessel || !strcmp(node->mesh[i].name, mesh[n - 1].name)) {
+            free((char *)node->mesh[i].name);
+            cn_surface_free((cn_surface *)node->mesh[i].surface);
+        }
+    if (only_vessel) mesh[0] = mesh[n - 1], n = 1;
+    free(node->mesh);
+    node->mesh = mesh, node->nmesh = n;
 }
 
 /* Ends a check: a stage takes the place of the old one; an error is remembered and the old one stays. */
@@ -149,7 +189,7 @@ void on_mesh(void *user, const cn_ros_mesh *mesh)
     cn_replacement *meshes = NULL;
     stage *fresh = NULL;
     char *name = NULL;
-    int n = 0, slot = 0;
+    int n = 0;
 
     pthread_mutex_lock(&node->lock);
     node->checking++;
@@ -157,18 +197,13 @@ void on_mesh(void *user, const cn_ros_mesh *mesh)
 
     const char *frame = mesh->frame[0] ? mesh->frame : node->frame;
     if (surface_of(&surface, mesh, &error) != CN_OK) goto done;
-    if (!(name = strdup(mesh->name)) || meshes_with(node, name, surface, &meshes, &n, &slot) != CN_OK) {
+    if (!(name = strdup(mesh->name)) || meshes_with(node, name, surface, &meshes, &n) != CN_OK) {
         cn_fail(&error, CN_ERR_MEMORY, "", 0, "out of memory");
         goto done;
     }
     if (stage_new(&fresh, node, node->scene_file, n, meshes, mesh->frame, &error) != CN_OK) goto done;
 
-    if (slot < node->nmesh) {
-        free((char *)node->mesh[slot].name);
-        cn_surface_free((cn_surface *)node->mesh[slot].surface);
-    }
-    free(node->mesh);
-    node->mesh = meshes, node->nmesh = n;
+    meshes_keep(node, meshes, n, fresh->scene->nvessel == 1);
     name = NULL, surface = NULL, meshes = NULL;
     stage_show(node, fresh, frame);
     CN_LOG(CN_LOG_INFO, "artery mesh accepted: %zu vertices, %zu triangles", mesh->nvert, mesh->ntri);
