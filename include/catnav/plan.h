@@ -56,7 +56,7 @@ typedef cn_status (*cn_planner)(const cn_plan_query *query, cn_roadmap *roadmap,
  * least `enough`, else exact against the triangles. */
 double cn_plan_clearance(const cn_plan_query *query, const double p[3], double enough);
 /* True when the centre may go straight from a to b: clearance at least `need` all along (marched by the
- * clearance itself, finest step need/20), no refused ball met, region kept within `slack`. */
+ * clearance itself, finest step need/100), no refused ball met, region kept within `slack`. */
 bool cn_plan_edge_free(const cn_plan_query *query, const double a[3], const double b[3], double need,
                        double slack);
 /* How far p lies outside the spec's region [m]; 0 in it, or without one. toward (may be NULL): unit vector

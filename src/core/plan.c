@@ -44,7 +44,7 @@ bool cn_plan_edge_free(const cn_plan_query *query, const double a[3], const doub
                        double slack)
 {
     const double length = cn_distance(a, b), cell = cn_map_cell(query->world->map);
-    const double finest = need > 0 ? need / 20 : cell / 4;
+    const double finest = need > 0 ? need / 100 : cell / 4;
 
     for (int i = 0; i < query->nrefused; i++)
         if (!(segment_distance(a, b, query->refused[i].centre) >= query->refused[i].radius)) return false;
@@ -194,21 +194,22 @@ static bool segment_keeps(const cn_world *world, const double a[3], double ca, c
            segment_keeps(world, m, cm, b, cb, need, depth - 1);
 }
 
-bool cn_plan_keeps(const cn_plan_query *query, int n, const double *x, double *clearance, int *where)
+bool cn_plan_keeps(const cn_plan_query *query, int n, const double *x, double *clearance, bool *broken)
 {
     const double need = query->radius + query->spec->clearance;
-    bool keeps = true;
+    bool all = true;
 
     for (int i = 0; i < n; i++)
         clearance[i] = cn_world_distance(query->world, x + 3 * i, NULL, NULL, NULL);
-    for (int i = 0; i + 1 < n && keeps; i++) {
+    for (int i = 0; i + 1 < n; i++) {
         const double *a = x + 3 * i, *b = a + 3;
-        keeps = segment_keeps(query->world, a, clearance[i], b, clearance[i + 1], need, 8);
+        bool keeps = segment_keeps(query->world, a, clearance[i], b, clearance[i + 1], need, 8);
         for (int j = 0; j < query->nrefused && keeps; j++)
             keeps = segment_distance(a, b, query->refused[j].centre) >= query->refused[j].radius;
-        if (!keeps && where) *where = i;
+        if (broken) broken[i] = !keeps;
+        all = all && keeps;
     }
-    return keeps;
+    return all;
 }
 
 double cn_plan_chord(const cn_plan_query *query)
@@ -239,7 +240,7 @@ cn_status cn_plan_path(cn_path **out, const cn_plan_query *query, cn_planner pla
         cn_path_at(path, where, &place);
         CN_LOG(CN_LOG_WARNING,
                "the path turns %.1f degrees at (%.4g, %.4g, %.4g) mm, more than the %.1f asked for: "
-               "the free space allows no less",
+               "no gentler way was found",
                path->turn_max * 180 / pi, 1e3 * place.x[0], 1e3 * place.x[1], 1e3 * place.x[2],
                query->spec->max_turn * 180 / pi);
     }

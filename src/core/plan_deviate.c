@@ -3,6 +3,7 @@
  * smoothly, where the free space has no room for them. */
 #include "plan_smooth.h"
 
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
@@ -64,6 +65,21 @@ static void soften(int n, double *g, double *scratch, int reach)
     }
 }
 
+/* Lowers the shares within `reach` of every broken segment. */
+static void shrink(int n, double *g, const bool *broken, int reach)
+{
+    for (int i = 0, since = INT_MAX; i < n - 1; i++) {
+        if (broken[i]) since = 0;
+        if (since <= reach) g[i] *= 0.8;
+        if (since < INT_MAX) since++;
+    }
+    for (int i = n - 2, since = INT_MAX; i >= 0; i--) {
+        if (since <= reach) g[i] *= 0.8;
+        if (broken[i]) since = 0;
+        if (since < INT_MAX) since++;
+    }
+}
+
 static cn_status check(const cn_path_spec *spec, cn_error *error)
 {
     for (int i = 0; i < spec->ndeviation; i++) {
@@ -84,6 +100,7 @@ cn_status cn_plan_deviate(cn_path **path, const cn_plan_query *query, cn_error *
     double shortest = INFINITY, longest = 0, *x = NULL, *g = NULL, *scratch = NULL, *offset = NULL,
            *moved = NULL;
     int *waypoint = NULL, n = 1;
+    bool *broken = NULL;
     cn_path *made = NULL;
     cn_status status = check(spec, error);
 
@@ -107,7 +124,8 @@ cn_status cn_plan_deviate(cn_path **path, const cn_plan_query *query, cn_error *
     moved = malloc(3 * (size_t)n * sizeof *moved);
     g = malloc((size_t)n * sizeof *g);
     scratch = malloc((size_t)n * sizeof *scratch);
-    if (!x || !offset || !moved || !g || !scratch) goto memory;
+    broken = malloc((size_t)n * sizeof *broken);
+    if (!x || !offset || !moved || !g || !scratch || !broken) goto memory;
 
     for (int leg = 0, first = 0; leg < old->nwaypoint; first = waypoint[leg++]) {
         const double s0 = leg ? old->s[old->waypoint[leg - 1]] : 0, s1 = old->s[old->waypoint[leg]];
@@ -129,19 +147,17 @@ cn_status cn_plan_deviate(cn_path **path, const cn_plan_query *query, cn_error *
     soften(n, g, scratch, reach);
     for (int attempt = 0; attempt < 32 && status == CN_OK;
          attempt++) { /* shrink where room lacks between points */
-        int where = 0;
         for (int i = 0; i < n; i++)
             for (int k = 0; k < 3; k++)
                 moved[3 * i + k] = x[3 * i + k] + g[i] * offset[3 * i + k];
         for (int leg = 0; leg < old->nwaypoint; leg++)
             cn_copy3(query->point + 3 * (leg + 1), moved + 3 * waypoint[leg]);
         cn_copy3(query->point, moved);
-        if (cn_plan_keeps(query, n, moved, scratch, &where)) {
+        if (cn_plan_keeps(query, n, moved, scratch, broken)) {
             status = cn_path_new(&made, n, moved, old->nwaypoint, waypoint, NULL);
             break;
         }
-        for (int i = where - reach > 0 ? where - reach : 0; i < n && i <= where + reach; i++)
-            g[i] *= 0.8;
+        shrink(n, g, broken, reach);
         soften(n, g, scratch, reach);
     }
     if (made) {
@@ -159,6 +175,7 @@ done:
     free(moved);
     free(g);
     free(scratch);
+    free(broken);
     free(waypoint);
     return status;
 }

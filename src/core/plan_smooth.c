@@ -14,13 +14,13 @@
 #include <string.h>
 #include "catnav/vec3.h"
 
-enum { NEAR = 6, BAND = 7, ITERATIONS = 60, ROUNDS = 16, STATIONS_MOST = 20000 };
+enum { NEAR = 8, BAND = 7, ITERATIONS = 80, INNER = 6, ROUNDS = 16, STATIONS_MOST = 20000 };
 
 typedef struct {
     const cn_plan_query *query;
-    double unit;          /* [m] */
-    double hard, comfort; /* kept distances, in units */
-    double hard_weight, comfort_weight, tension;
+    double unit;                /* [m] */
+    double hard, comfort, wide; /* kept distances, in units */
+    double hard_weight, comfort_weight, wide_weight, tension;
     bool touch; /* contact sampling: stay at `hard` from the wall */
     int n;
     double *x;            /* stations, in units                        (n x 3) */
@@ -32,16 +32,20 @@ typedef struct {
     int *nnear;           /* filled of them; the oldest is replaced    (n)     */
     int *newest;          /*                                           (n)     */
     bool *held;           /*                                           (n)     */
+    unsigned *active;     /* which pushes were on in the last solve */
     int npoint, *station; /* station of each point of the query        (npoint) */
     double *matrix;       /* lower band, row major                     (3 n x BAND) */
     double *move;         /* right-hand side, then the step            (3 n)   */
+    double *step;         /* the step foreseen (3 n) */
 } band;
+
+#define AHEAD 3.0 /* wall points are gathered this much beyond comfort [units] */
 
 static void band_clear(band *b)
 {
     free(b->x), free(b->h), free(b->bend), free(b->ease), free(b->clearance), free(b->near), free(b->nnear),
         free(b->newest);
-    free(b->held), free(b->station), free(b->matrix), free(b->move);
+    free(b->held), free(b->active), free(b->step), free(b->station), free(b->matrix), free(b->move);
 }
 
 static cn_status band_alloc(band *b, int n, int npoint)
@@ -58,11 +62,13 @@ static cn_status band_alloc(band *b, int n, int npoint)
     b->nnear = calloc(m, sizeof(int));
     b->newest = calloc(m, sizeof(int));
     b->held = calloc(m, sizeof(bool));
+    b->active = calloc(m, sizeof(unsigned));
+    b->step = calloc(3 * m, sizeof(double));
     b->station = calloc((size_t)npoint, sizeof(int));
     b->matrix = calloc(3 * BAND * m, sizeof(double));
     b->move = calloc(3 * m, sizeof(double));
     return b->x && b->h && b->bend && b->ease && b->clearance && b->near && b->nnear && b->newest &&
-                   b->held && b->station && b->matrix && b->move
+                   b->held && b->active && b->step && b->station && b->matrix && b->move
                ? CN_OK
                : CN_ERR_MEMORY;
 }
@@ -112,14 +118,15 @@ static cn_status band_new(band *b, const cn_plan_query *query, const cn_roadmap 
     b->hard = 1.03 * need / b->unit;
     b->comfort = b->hard + 1.0;
     b->hard_weight = 1e3;
+    b->comfort_weight = 0.1;
     b->tension = spec->cost == CN_COST_LENGTH ? 1e-4 : 1e-6;
     b->touch = spec->sampling == CN_SAMPLING_CONTACT;
     if (b->touch) b->comfort = b->hard;
+    b->wide = b->comfort;
     if (spec->cost == CN_COST_CLEARANCE)
         for (int i = 0; i < roadmap->npoint; i++)
-            b->comfort =
-                fmax(b->comfort, 1.5 * cn_map_clearance(query->world->map, roadmap->x + 3 * i) / b->unit);
-    b->comfort_weight = 0.1 / fmax(1, (b->comfort - b->hard) * (b->comfort - b->hard));
+            b->wide = fmax(b->wide, 1.5 * cn_map_clearance(query->world->map, roadmap->x + 3 * i) / b->unit);
+    b->wide_weight = 0.03 / fmax(1, (b->wide - b->hard) * (b->wide - b->hard));
 
     for (int pass = 0; pass < 2; pass++) { /* count, then fill */
         n = 1;
@@ -181,7 +188,7 @@ static void aim(band *b)
     b->clearance[1] = -1;
 }
 
-/* Stations spread evenly over each leg again; wall points stay with the nearest index. */
+/* Stations spread evenly over each leg again. */
 static cn_status spread(band *b)
 {
     double *old = malloc(3 * (size_t)b->n * sizeof *old);
@@ -194,7 +201,8 @@ static cn_status spread(band *b)
         for (int i = 1, seg = 0; i < m; i++) {
             if (b->held[first + i]) continue;
             along(old + 3 * first, m + 1, length * i / m, &seg, &at, b->x + 3 * (first + i));
-            b->clearance[first + i] -= cn_distance(b->x + 3 * (first + i), old + 3 * (first + i));
+            b->clearance[first + i] = -1; /* look again: its wall points are others' now */
+            b->nnear[first + i] = 0;
         }
     }
     free(old);
@@ -237,14 +245,14 @@ static void probe(band *b, int i, const double q[3])
     for (int k = 0; k < 3; k++) {
         cn_copy3(b->x + 3 * i, p);
         cn_axpy(k == 2 ? -0.7 * c : 0.7 * c, k == 0 ? away : side, p);
-        if (nearest(b, p, other) < b->comfort) keep(b, i, other);
+        if (nearest(b, p, other) < b->wide + AHEAD) keep(b, i, other);
     }
 }
 
 /* Nearest wall point of every station that may have come within comfort since it was last asked. */
 static void look(band *b, bool probing)
 {
-    const double enough = b->comfort + 0.05 * b->hard;
+    const double enough = b->wide + AHEAD;
     for (int i = 0; i < b->n; i++) {
         double q[3];
         if (b->clearance[i] > enough) continue;
@@ -271,6 +279,12 @@ static void add_push(band *b, int i, double w, const double n[3], double gap)
     }
 }
 
+static void add_damping(band *b, int i, double w)
+{
+    for (int r = 3 * i; r < 3 * i + 3; r++)
+        b->matrix[r * BAND + BAND - 1] += w;
+}
+
 /* Adds w |sum_j a_j x_{i+j}|^2 over m consecutive stations. */
 static void add_stencil(band *b, int i, int m, const double *a, double w)
 {
@@ -286,11 +300,14 @@ static void add_stencil(band *b, int i, int m, const double *a, double w)
     }
 }
 
-static void assemble(band *b)
+/* The system whose solution is the step. A push counts where the step foreseen (b->step) would come too near;
+ * `damping` holds every station to its place. False when the same pushes are on as in the last call. */
+static bool assemble(band *b, double damping)
 {
     const cn_plan_query *query = b->query;
     const double *x = b->x;
     const int n = b->n;
+    bool changed = false;
 
     memset(b->matrix, 0, 3 * BAND * (size_t)n * sizeof(double));
     memset(b->move, 0, 3 * (size_t)n * sizeof(double));
@@ -303,6 +320,7 @@ static void assemble(band *b)
     for (int i = 0; i < n; i++) {
         const double h = i + 1 < n ? b->h[i] : b->h[n - 2], *near = b->near + 3 * NEAR * i;
         double t[3], p[3], d[3];
+        unsigned active = 0;
         cn_sub(x + 3 * (i + 1 < n ? i + 1 : i), x + 3 * (i > 0 ? i - 1 : i), t);
         cn_normalise(t);
         for (int j = 0; j < b->nnear[i]; j++) { /* across the path only: walls do not push along it */
@@ -311,10 +329,23 @@ static void assemble(band *b)
             if (fabs(slid) > 0.5 * c) continue; /* left behind */
             cn_axpy(-slid, t, d);
             cn_normalise(d);
-            if (c < b->hard) add_push(b, i, h * b->hard_weight, d, b->hard - c);
-            if (c < b->comfort || (b->touch && j == b->newest[i]))
+            const double foreseen = c + cn_dot(d, b->step + 3 * i);
+            if (foreseen < b->hard) {
+                add_push(b, i, h * b->hard_weight, d, b->hard - c);
+                active |= 1u << j;
+            }
+            if (foreseen < b->comfort || (b->touch && j == b->newest[i])) {
                 add_push(b, i, h * b->ease[i] * b->comfort_weight, d, fmax(-1, b->comfort - c));
+                active |= 1u << (NEAR + j);
+            }
+            if (foreseen < b->wide && b->wide > b->comfort) {
+                add_push(b, i, h * b->ease[i] * b->wide_weight, d, b->wide - c);
+                active |= 1u << (2 * NEAR + j);
+            }
         }
+        add_damping(b, i, h * damping);
+        changed = changed || active != b->active[i];
+        b->active[i] = active;
         for (int j = 0; j < query->nrefused; j++) {
             const double radius = 1.03 * query->refused[j].radius / b->unit + 0.1;
             for (int k = 0; k < 3; k++)
@@ -339,6 +370,7 @@ static void assemble(band *b)
             b->move[r] = 0;
         }
     }
+    return changed;
 }
 
 /* Cholesky of the band in place, then both triangular solves. False where it is not positive definite. */
@@ -376,25 +408,33 @@ static bool solve(band *b)
 /* Up to `most` iterations; `even` spreads the stations now and then while the band is still far from rest. */
 static cn_status relax(band *b, int most, bool even)
 {
+    double damping = even ? 0.3 : 0.01;
     cn_status status;
     for (int iteration = 0; iteration < most; iteration++) {
-        double farthest = 0;
+        double farthest = 0, beyond = 0;
         if (b->query->cancel && *b->query->cancel) return CN_ERR_CANCELLED;
-        if (even && iteration > 0 && iteration <= most / 2 && iteration % 6 == 0) {
+        if (even && iteration > 0 && iteration + 10 < most && iteration % 6 == 0) {
             if ((status = spread(b)) != CN_OK) return status;
             measure(b);
         }
-        look(b, iteration % 10 == 0);
-        assemble(b);
-        if (!solve(b)) return CN_OK; /* the band stays as it is: checked by the caller */
-        for (int i = 0; i < b->n; i++) {
-            double *dx = b->move + 3 * i;
-            const double most_here = 0.5 * fmax(b->clearance[i], 0.05 * b->hard), d = cn_norm(dx);
-            const double scale = d > most_here ? most_here / d : 1;
-            cn_axpy(scale, dx, b->x + 3 * i);
-            b->clearance[i] -= scale * d;
-            farthest = fmax(farthest, scale * d);
+        look(b, iteration % 6 == 0);
+        memset(b->step, 0, 3 * (size_t)b->n * sizeof *b->step);
+        for (int inner = 0; inner < INNER && (assemble(b, damping) || inner == 0); inner++) {
+            if (!solve(b)) return CN_OK; /* the band stays as it is: checked by the caller */
+            memcpy(b->step, b->move, 3 * (size_t)b->n * sizeof *b->step);
         }
+        /* trust half the clearance, at most two units: beyond it the whole step is shortened and damped more
+         */
+        for (int i = 0; i < b->n; i++)
+            beyond =
+                fmax(beyond, cn_norm(b->step + 3 * i) / fmin(2, 0.5 * fmax(b->clearance[i], 0.05 * b->hard)));
+        for (int i = 0; i < b->n; i++) {
+            const double d = cn_norm(b->step + 3 * i) / fmax(1, beyond);
+            cn_axpy(1 / fmax(1, beyond), b->step + 3 * i, b->x + 3 * i);
+            b->clearance[i] -= d;
+            farthest = fmax(farthest, d);
+        }
+        damping = beyond > 1 ? 4 * damping : beyond < 0.5 ? fmax(0.6 * damping, 1e-6) : damping;
         if (farthest < 1e-4 * b->hard) break;
     }
     return CN_OK;
@@ -417,13 +457,15 @@ cn_status cn_plan_smooth(cn_path **out, const cn_plan_query *query, const cn_roa
     const double limit = 0.97 * query->spec->max_turn, chord = cn_plan_chord(query);
     double *metres = NULL, *clearance = NULL, best_turn = INFINITY;
     cn_path *best = NULL, *path = NULL;
+    bool *broken = NULL;
     cn_status status;
     band b;
 
     if ((status = band_new(&b, query, roadmap)) != CN_OK) goto done;
     metres = malloc(3 * (size_t)b.n * sizeof *metres);
     clearance = malloc((size_t)b.n * sizeof *clearance);
-    if (!metres || !clearance) {
+    broken = malloc((size_t)b.n * sizeof *broken);
+    if (!metres || !clearance || !broken) {
         status = CN_ERR_MEMORY;
         goto done;
     }
@@ -435,13 +477,13 @@ cn_status cn_plan_smooth(cn_path **out, const cn_plan_query *query, const cn_roa
     /* relax; where the band still breaks the clearance push harder, where it turns too much bend less */
     for (int round = 0; round < ROUNDS; round++) {
         double where = 0;
-        int segment = 0;
         if ((status = relax(&b, round == 0 ? ITERATIONS : ITERATIONS / 4, round == 0)) != CN_OK) goto done;
         if ((status = to_path(&path, &b, metres)) != CN_OK) goto done;
-        if (!cn_plan_keeps(query, b.n, metres, clearance, &segment)) {
-            b.hard_weight *= 4;
-            for (int i = segment > 3 ? segment - 3 : 0; i < b.n && i < segment + 5; i++)
-                b.clearance[i] = -1; /* look again */
+        if (!cn_plan_keeps(query, b.n, metres, clearance, broken)) {
+            b.hard_weight *= 2;
+            for (int i = 0; i + 1 < b.n; i++)
+                for (int j = i > 3 ? i - 3 : 0; broken[i] && j < b.n && j < i + 5; j++)
+                    b.clearance[j] = -1, b.ease[j] *= 0.7; /* look again; what the device likes yields */
             cn_path_free(path);
             path = NULL;
             continue;
@@ -474,6 +516,7 @@ done:
     cn_path_free(best);
     free(metres);
     free(clearance);
+    free(broken);
     band_clear(&b);
     return status;
 }

@@ -15,9 +15,9 @@ cn_status cn_plan_smooth(cn_path **out, const cn_plan_query *query, const cn_roa
 cn_status cn_plan_deviate(cn_path **path, const cn_plan_query *query, cn_error *error);
 
 /* Exact clearance [m] of the n points x (n x 3) into `clearance` (n); true when the polyline keeps radius +
- * clearance from all walls and out of refused balls; *where (may be NULL): the first segment that does not.
+ * clearance from all walls and out of refused balls; broken (n - 1, may be NULL): the segments that do not.
  */
-bool cn_plan_keeps(const cn_plan_query *query, int n, const double *x, double *clearance, int *where);
+bool cn_plan_keeps(const cn_plan_query *query, int n, const double *x, double *clearance, bool *broken);
 
 /* Length of the chords between which the turn is measured [m]. */
 double cn_plan_chord(const cn_plan_query *query);

@@ -173,7 +173,8 @@ cn_status plan(const cn_plan_query *query, cn_roadmap *roadmap, cn_error *error)
     const Stop stop(query);
     const ob::PlannerTerminationCondition ptc([&stop] { return stop.cancelled() || stop.late(); });
 
-    if (!first) first = 2000;
+    /* the ridge once and as much again of others, which bridge what it leaves open */
+    first = first ? 2 * first : 2000;
     const size_t most = query->samples < 0 ? std::max<size_t>(32000, 2 * first) : size_t(query->samples);
     size_t target = std::min(first, most);
     std::vector<double> x(query->point, query->point + 3);
@@ -186,7 +187,7 @@ cn_status plan(const cn_plan_query *query, cn_roadmap *roadmap, cn_error *error)
         const ob::ProblemDefinitionPtr problem =
             makeProblem(si, query->point + 3 * i, query->point + 3 * i + 3);
         planner.setProblemDefinition(problem);
-        for (bool asked = false; planner.solve(ptc) != ob::PlannerStatus::EXACT_SOLUTION;) {
+        for (int attempt = 0; planner.solve(ptc) != ob::PlannerStatus::EXACT_SOLUTION; attempt++) {
             if (stop.cancelled())
                 return cn_fail(error, CN_ERR_CANCELLED, nullptr, 0, "cancelled while a path was sought");
             if (stop.late()) {
@@ -196,10 +197,10 @@ cn_status plan(const cn_plan_query *query, cn_roadmap *roadmap, cn_error *error)
                                "no path to waypoint %d within planner.budget (%g s, %zu samples)", i,
                                query->budget, planner.tried());
             }
-            if (!asked) pinch(query, i, roadmap);
-            asked = true;
+            if (attempt == 1 || target >= most) pinch(query, i, roadmap);
             /* the map is exact to about a cell: where two more do not help, no sample will */
-            const bool hopeless = roadmap->pinch_radius + 2 * cn_map_cell(query->world->map) < request.need;
+            const bool hopeless =
+                attempt >= 1 && roadmap->pinch_radius + 2 * cn_map_cell(query->world->map) < request.need;
             if (hopeless || target >= most) {
                 fill(roadmap, planner, si);
                 return noPath(request, planner.tried(), roadmap, error);

@@ -79,7 +79,7 @@ void LumenSampler::thin()
         o -= cell * rng_.uniformInt(0, 63);
     for (int i = 0; i < n; i++) {
         if (!(clearance[i] + cell >= request_.need)) continue; // exact test: isValid
-        const int level = std::max(0, std::ilogb(0.5 * clearance[i] / cell));
+        const int level = std::max(0, std::ilogb(clearance[i] / cell));
         const double side = std::ldexp(cell, level);
         const Key key = {level, int((x[3 * i] - origin[0]) / side), int((x[3 * i + 1] - origin[1]) / side),
                          int((x[3 * i + 2] - origin[2]) / side)};
