@@ -6,8 +6,9 @@
  * wall hard within the device's radius + clearance and softly within one more radius ("comfort"). Wall points
  * are true points of the wall, gathered as the nearest ones of past iterations, so that both sides of a
  * narrow lumen push and the band comes to rest in its middle. Each iteration solves the banded Gauss-Newton
- * system (half bandwidth 6) and moves no station farther than half its clearance: no wall is ever crossed.
- * Lengths inside are in units of the device's radius: results do not depend on the scene's unit. */
+ * system (half bandwidth 6), damped, with the pushes that its own step would meet (a few solves until they
+ * stay the same), and moves no station farther than half its clearance: no wall is ever crossed. Lengths
+ * inside are in units of the device's radius: results do not depend on the scene's unit. */
 #include "plan_smooth.h"
 
 #include <stdlib.h>
@@ -225,6 +226,7 @@ static void keep(band *b, int i, const double q[3])
 static double nearest(const band *b, const double p[3], double q[3])
 {
     const double metres[3] = {p[0] * b->unit, p[1] * b->unit, p[2] * b->unit};
+    cn_copy3(metres, q);
     const double d = cn_world_distance(b->query->world, metres, NULL, NULL, q) / b->unit;
     for (int k = 0; k < 3; k++)
         q[k] /= b->unit;

@@ -219,6 +219,34 @@ static void a_region_is_kept(void **state)
     case_free(&c);
 }
 
+static void in_the_open_a_rock_is_gone_around(void **state)
+{
+    plan_case c;
+    const double ends[6] = {-0.03, 0.001, 0, 0.03, 0.001, 0};
+    cn_body_spec body = {.nwaypoint = 2, .waypoint = (double *)ends};
+    (void)state;
+    for (int sampling = CN_SAMPLING_UNIFORM; sampling <= CN_SAMPLING_MEDIAL_AXIS; sampling++) {
+        case_begin(&c, 2e-3);
+        c.scene.nvessel = 0;
+        body.shape.kind = CN_SHAPE_SPHERE;
+        body.shape.sphere.radius = 2e-3;
+        body.shape.placement.scale = 1;
+        memcpy(body.shape.sphere.centre, ends, 3 * sizeof *ends);
+        c.scene.nbody = 1;
+        c.scene.body = &body;
+        case_rock(&c, (double[3]){-0.01, -0.01, -0.01}, (double[3]){0.01, 0.01, 0.01});
+        assert_int_equal(case_end(&c, 1), 0);
+        c.spec.sampling = (cn_sampling)sampling;
+        const cn_plan_query query = case_query(&c, 2, ends);
+        cn_path *path = plan(&query);
+        keeps_room(path, &c);
+        assert_true(cn_path_length(path) < 0.075); /* straight: 60 mm, tight around: 66 mm */
+        assert_true(path->turn_max <= c.spec.max_turn);
+        cn_path_free(path);
+        case_free(&c);
+    }
+}
+
 static void a_search_can_be_cancelled_and_the_budget_ends_it(void **state)
 {
     plan_case c;
@@ -371,6 +399,7 @@ int main(void)
         cmocka_unit_test(the_same_seed_gives_the_same_path_bit_for_bit_on_any_thread_count),
         cmocka_unit_test(waypoints_are_passed_in_order),
         cmocka_unit_test(a_region_is_kept),
+        cmocka_unit_test(in_the_open_a_rock_is_gone_around),
         cmocka_unit_test(a_search_can_be_cancelled_and_the_budget_ends_it),
         cmocka_unit_test(the_octree_is_the_free_space),
         cmocka_unit_test(every_route_of_the_real_vessels_is_found),
