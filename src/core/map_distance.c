@@ -300,31 +300,31 @@ static cn_status next_level(cn_map *map, int l, bool *any)
         for (int b = 0; b < fine->nbrick; b++) {
             const uint8_t *value = fine->value + (int64_t)b * CN_MAP_CELLS;
             uint64_t beyond = 0; /* by 2 x 2 x 2 samples */
+            if (!memchr(value, CN_MAP_FAR, CN_MAP_CELLS)) continue;
             for (int i = 0; i < CN_MAP_CELLS; i++)
                 if (value[i] == CN_MAP_FAR && cn_map_bit(fine->mask, b, i))
                     beyond |= 1ull << ((i >> 7) << 4 | (i >> 4 & 3) << 2 | (i >> 1 & 3));
             if (!beyond) continue;
             *any = true;
-            for (int i = 0; i < 64; i++) {
-                if (!(beyond >> i & 1)) continue;
-                const int c[3] = {4 * (fine->place[b][0] - 1) + (i & 3),
-                                  4 * (fine->place[b][1] - 1) + (i >> 2 & 3),
-                                  4 * (fine->place[b][2] - 1) + (i >> 4)};
-                for (int d = 0; d < 27; d++) {
-                    const int s[3] = {c[0] + d % 3 - 1, c[1] + d / 3 % 3 - 1, c[2] + d / 9 - 1};
-                    int at[3], brick, offset;
-                    bool outside = false;
-                    for (int k = 0; k < 3; k++) {
-                        at[k] = (s[k] >> 3) + 1;
-                        outside = outside || at[k] < 0 || at[k] >= coarse->size[k];
-                    }
-                    if (outside) continue;
-                    if (!pass)
-                        coarse->brick[((int64_t)at[2] * coarse->size[1] + at[1]) * coarse->size[0] + at[0]] =
-                            0;
-                    else if (cn_map_find(coarse, s, &brick, &offset))
-                        coarse->mask[8 * (int64_t)brick + (offset >> 6)] |= 1ull << (offset & 63);
+            uint8_t wanted[216] = {0}; /* the brick's 4 x 4 x 4 coarse samples and those around them */
+            for (int i = 0; i < 64; i++)
+                for (int d = 0; d < 27 && beyond >> i & 1; d++)
+                    wanted[36 * ((i >> 4) + d / 9) + 6 * ((i >> 2 & 3) + d / 3 % 3) + (i & 3) + d % 3] = 1;
+            for (int i = 0; i < 216; i++) {
+                const int s[3] = {4 * (fine->place[b][0] - 1) + i % 6 - 1,
+                                  4 * (fine->place[b][1] - 1) + i / 6 % 6 - 1,
+                                  4 * (fine->place[b][2] - 1) + i / 36 - 1};
+                int at[3], brick, offset;
+                bool outside = !wanted[i];
+                for (int k = 0; k < 3; k++) {
+                    at[k] = (s[k] >> 3) + 1;
+                    outside = outside || at[k] < 0 || at[k] >= coarse->size[k];
                 }
+                if (outside) continue;
+                if (!pass)
+                    coarse->brick[((int64_t)at[2] * coarse->size[1] + at[1]) * coarse->size[0] + at[0]] = 0;
+                else if (cn_map_find(coarse, s, &brick, &offset))
+                    coarse->mask[8 * (int64_t)brick + (offset >> 6)] |= 1ull << (offset & 63);
             }
         }
         if (!pass && (status = cn_map_level_number(coarse)) != CN_OK) return status;

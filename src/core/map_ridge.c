@@ -47,19 +47,32 @@ static double neighbour_distance(int n)
     return length[(n % 3 != 1) + (n / 3 % 3 != 1) + (n / 9 != 1)];
 }
 
-/* Steepest rise of the stored distances from a sample to a neighbour; *to is that neighbour. */
-static double rise(const cn_map_level *level, const int i[3], double value, int *to)
+/* Steepest rise of the stored distances from a sample to a neighbour, or the first found that is `enough`;
+ * *to is that neighbour. INFINITY where a neighbour lies beyond the band: the next level sees to that. */
+static double rise(const cn_map_level *level, int brick, int offset, double enough, int *to)
 {
+    static const int order[26] = {4,  10, 12, 14, 16, 22, 1, 3, 5, 7,  9,  11, 15,
+                                  17, 19, 21, 23, 25, 0,  2, 6, 8, 18, 20, 24, 26};
+    const uint8_t *value = level->value + (int64_t)brick * CN_MAP_CELLS + offset;
+    int i[3];
     double most = -1;
-    *to = 13;
-    for (int n = 0; n < 27; n++) {
-        int q[3], brick, offset;
-        neighbour(i, n, q);
-        if (n == 13 || !cn_map_find(level, q, &brick, &offset)) continue;
-        const int code = level->value[(int64_t)brick * CN_MAP_CELLS + offset];
-        const double there = code == CN_MAP_FAR ? CN_MAP_BAND : (code + 0.5) * CN_MAP_QUANTUM;
-        const double slope = (there - value) / neighbour_distance(n);
+    coordinates(level, brick, offset, i);
+    const bool within = ((i[0] + 1) & 7) > 1 && ((i[1] + 1) & 7) > 1 && ((i[2] + 1) & 7) > 1;
+    for (int k = 0; k < 26; k++) {
+        const int n = order[k];
+        int q[3], code;
+        if (within)
+            code = value[64 * (n / 9 - 1) + 8 * (n / 3 % 3 - 1) + n % 3 - 1];
+        else {
+            int b, o;
+            neighbour(i, n, q);
+            if (!cn_map_find(level, q, &b, &o)) continue;
+            code = level->value[(int64_t)b * CN_MAP_CELLS + o];
+        }
+        if (code == CN_MAP_FAR) return INFINITY;
+        const double slope = (code - *value) * CN_MAP_QUANTUM / neighbour_distance(n);
         if (slope > most) most = slope, *to = n;
+        if (most >= enough) break;
     }
     return most;
 }
@@ -68,19 +81,15 @@ static void find_candidates(void *user, int task)
 {
     const job *j = user;
     const cn_map_level *level = j->map->level + j->level;
-    /* finer levels see to what is nearer to the wall, coarser ones to what is near the end of the band */
-    const double least = j->level ? 3 : 1,
-                 most = j->level + 1 < j->map->nlevel ? CN_MAP_BAND - 1.8 : CN_MAP_BAND;
+    const double least =
+        (j->level ? 2 : 1) / CN_MAP_QUANTUM; /* finer levels see to what is nearer to the wall */
     const int end = (task + 1) * CHUNK < level->nbrick ? (task + 1) * CHUNK : level->nbrick;
     for (int b = task * CHUNK; b < end; b++)
         for (int o = 0; o < CN_MAP_CELLS; o++) {
             const int code = level->value[(int64_t)b * CN_MAP_CELLS + o];
-            const double value = (code + 0.5) * CN_MAP_QUANTUM;
-            int i[3], to;
-            if (!cn_map_bit(level->mask, b, o) || code == CN_MAP_FAR || value < least || value > most)
-                continue;
-            coordinates(level, b, o, i);
-            if (rise(level, i, value, &to) < RISE_MOST)
+            int to;
+            if (code == CN_MAP_FAR || code < least || !cn_map_bit(level->mask, b, o)) continue;
+            if (rise(level, b, o, RISE_MOST, &to) < RISE_MOST)
                 j->candidate[j->level][8 * (int64_t)b + (o >> 6)] |= 1ull << (o & 63);
         }
 }
@@ -109,21 +118,48 @@ static double cell_distance(const cn_map *map, const int i[3])
     return cn_map_lower(map, (double[3]){i[0] + 0.5, i[1] + 0.5, i[2] + 0.5}, NULL);
 }
 
-/* Uphill from a cell until the ridge is met. */
-static void ascend(job *j, const int from[3])
+/* The candidates of a level with the samples around them: thick enough to have no holes of their own. */
+static bool add_candidates(job *j)
 {
-    int i[3] = {from[0], from[1], from[2]}, q[3], best[3];
-    double here = cell_distance(j->map, i);
+    const cn_map_level *level = j->map->level + j->level;
+    uint64_t *thick = calloc((size_t)level->nbrick + 1, 8 * sizeof *thick);
+    if (!thick) return false;
+    for (int pass = 0; pass < 2; pass++)
+        for (int w = 0; w < 8 * level->nbrick; w++)
+            for (uint64_t bits = pass ? thick[w] : j->candidate[j->level][w]; bits; bits &= bits - 1) {
+                int i[3], q[3], brick, offset;
+                coordinates(level, w / 8, 64 * (w % 8) + __builtin_ctzll(bits), i);
+                if (pass) add_sample(j, j->level, i);
+                for (int n = 0; n < 27 && !pass; n++) {
+                    neighbour(i, n, q);
+                    if (cn_map_find(level, q, &brick, &offset))
+                        thick[8 * (int64_t)brick + (offset >> 6)] |= 1ull << (offset & 63);
+                }
+            }
+    free(thick);
+    return true;
+}
+
+/* Uphill from a sample until the ridge is met, on coarser levels where the finer ones end. */
+static void ascend(job *j, int l, const int from[3])
+{
+    int i[3] = {from[0], from[1], from[2]}, q[3], brick, offset;
     for (int step = 0; step < ASCENT_MOST; step++) {
-        double most = 0, there = 0;
-        for (int n = 0; n < 27; n++) {
-            neighbour(i, n, q);
-            if (n == 13 || !cn_map_free_cell(j->map, q)) continue;
-            const double d = cell_distance(j->map, q), slope = (d - here) / neighbour_distance(n);
-            if (slope > most) most = slope, there = d, memcpy(best, q, sizeof best);
+        const cn_map_level *level = j->map->level + l;
+        add_sample(j, l, i);
+        if (!cn_map_find(level, i, &brick, &offset) || cn_map_bit(j->candidate[l], brick, offset)) return;
+        int to = 13;
+        const bool far = level->value[(int64_t)brick * CN_MAP_CELLS + offset] == CN_MAP_FAR;
+        const double slope = far ? INFINITY : rise(level, brick, offset, INFINITY, &to);
+        if (slope <= 0) return;
+        if (slope == INFINITY) {
+            if (++l == j->map->nlevel) return;
+            for (int k = 0; k < 3; k++)
+                i[k] >>= 1;
+        } else {
+            neighbour(i, to, q);
+            memcpy(i, q, sizeof i);
         }
-        if (most <= 0 || !add_cell(j, best)) return;
-        memcpy(i, best, sizeof best), here = there;
     }
 }
 
@@ -136,25 +172,30 @@ static void join_pieces(job *j)
                 if (!cn_map_bit(j->candidate[l], b, o)) continue;
                 int i[3], to, q[3], brick, offset;
                 coordinates(level, b, o, i);
-                const double value = (level->value[(int64_t)b * CN_MAP_CELLS + o] + 0.5) * CN_MAP_QUANTUM;
-                if (rise(level, i, value, &to) < 2 * CN_MAP_QUANTUM) continue;
+                if (rise(level, b, o, INFINITY, &to) < 2 * CN_MAP_QUANTUM) continue;
                 neighbour(i, to, q);
                 if (cn_map_find(level, q, &brick, &offset) && cn_map_bit(j->candidate[l], brick, offset))
                     continue;
-                add_sample(j, l, q);
-                ascend(j, (int[3]){(q[0] << l) + (1 << l >> 1), (q[1] << l) + (1 << l >> 1),
-                                   (q[2] << l) + (1 << l >> 1)});
+                ascend(j, l, q);
             }
     }
 }
 
 /* --- thinning --- */
 
+/* The ridge among the 26 neighbours of a cell, as bits. */
 static uint32_t around(const job *j, int id)
 {
     const cn_map_level *level = j->map->level;
+    const int x = id & 7, y = id >> 3 & 7, z = id >> 6 & 7;
     uint32_t bits = 0;
     int i[3], q[3], brick, offset;
+    if (x > 0 && x < 7 && y > 0 && y < 7 && z > 0 && z < 7) {
+        const uint64_t *word = j->ridge + 8 * (int64_t)(id / CN_MAP_CELLS) + z - 1;
+        for (int k = 0; k < 9; k++)
+            bits |= (uint32_t)(word[k / 3] >> (8 * (y + k % 3 - 1) + x - 1) & 7) << 3 * k;
+        return bits & ~(1u << 13);
+    }
     coordinates(level, id / CN_MAP_CELLS, id % CN_MAP_CELLS, i);
     for (int n = 0; n < 27; n++) {
         neighbour(i, n, q);
@@ -248,13 +289,6 @@ static bool cut_twig(job *j, int id, int *twig, int room)
     }
 }
 
-static int by_distance(const void *left, const void *right)
-{
-    const struct cell *a = left, *b = right;
-    if (a->distance != b->distance) return a->distance < b->distance ? -1 : 1;
-    return (a->id > b->id) - (a->id < b->id);
-}
-
 static int by_id(const void *left, const void *right)
 {
     const struct cell *a = left, *b = right;
@@ -269,14 +303,49 @@ static void centre(const cn_map *map, int id, double x[3])
         x[k] = map->origin[k] + (i[k] + 0.5) * map->cell;
 }
 
+/* Upper bound on the distance of a cell's centre: the least d_i + |x - x_i| over the samples around it, exact
+ * on the axis of a tube and so without a preference for the lattice. */
+static double upper(const cn_map *map, int id)
+{
+    int i[3], brick, offset;
+    if (map->level->value[id] != CN_MAP_FAR) return map->level->value[id] * CN_MAP_QUANTUM;
+    coordinates(map->level, id / CN_MAP_CELLS, id % CN_MAP_CELLS, i);
+    for (int l = 1; l < map->nlevel; l++) {
+        double best = INFINITY;
+        bool whole = true;
+        for (int c = 0; c < 8 && whole; c++) {
+            double away = 0;
+            int s[3];
+            for (int k = 0; k < 3; k++) {
+                const double x = (i[k] + 0.5) / (1 << l) - 0.5;
+                s[k] = (int)floor(x) + (c >> k & 1);
+                away += (x - s[k]) * (x - s[k]);
+            }
+            whole = cn_map_find(map->level + l, s, &brick, &offset);
+            const int code = whole ? map->level[l].value[(int64_t)brick * CN_MAP_CELLS + offset] : CN_MAP_FAR;
+            whole = whole && code != CN_MAP_FAR;
+            best = fmin(best, code * CN_MAP_QUANTUM + sqrt(away));
+        }
+        if (whole) return best * (1 << l);
+    }
+    return cell_distance(map, i);
+}
+
+static void order_cells(void *user, int task)
+{
+    const job *j = user;
+    const int end = (task + 1) * CHUNK < j->ncell ? (task + 1) * CHUNK : j->ncell;
+    for (int c = task * CHUNK; c < end; c++)
+        j->cell[c].distance = (float)upper(j->map, j->cell[c].id);
+}
+
 static void measure_cells(void *user, int task)
 {
     const job *j = user;
     const int end = (task + 1) * CHUNK < j->ncell ? (task + 1) * CHUNK : j->ncell;
     for (int c = task * CHUNK; c < end; c++) {
-        double x[3];
-        centre(j->map, j->cell[c].id, x);
-        j->cell[c].distance = (float)(cn_world_distance(j->world, x, NULL, NULL, NULL) / j->map->cell);
+        centre(j->map, j->cell[c].id, j->map->ridge_x + 3 * c);
+        j->map->ridge_clearance[c] = cn_world_distance(j->world, j->map->ridge_x + 3 * c, NULL, NULL, NULL);
     }
 }
 
@@ -292,6 +361,32 @@ static cn_status list_cells(job *j)
             }
         if (!pass && !(j->cell = malloc(((size_t)j->ncell + 1) * sizeof *j->cell))) return CN_ERR_MEMORY;
     }
+    return CN_OK;
+}
+
+/* By distance in steps of 1/32 cell, equal ones as they are listed. */
+static cn_status sort_cells(job *j)
+{
+    enum { STEPS = 32, MOST = 1 << 20 };
+    struct cell *sorted = malloc(((size_t)j->ncell + 1) * sizeof *sorted);
+    int *start = calloc(MOST + 2, sizeof *start);
+    if (!sorted || !start) {
+        free(sorted), free(start);
+        return CN_ERR_MEMORY;
+    }
+    for (int pass = 0; pass < 2; pass++) {
+        for (int c = 0; c < j->ncell; c++) {
+            const int key = (int)fminf(STEPS * j->cell[c].distance, MOST - 1);
+            if (pass)
+                sorted[start[key + 1]++] = j->cell[c];
+            else
+                start[key + 2]++;
+        }
+        for (int k = 2; k < MOST + 2 && !pass; k++)
+            start[k] += start[k - 1];
+    }
+    free(j->cell), free(start);
+    j->cell = sorted;
     return CN_OK;
 }
 
@@ -318,18 +413,12 @@ cn_status cn_map_find_ridge(cn_map *map, const cn_world *world, cn_pool *pool)
         const cn_map_level *level = map->level + j.level;
         if (!(j.candidate[j.level] = calloc((size_t)level->nbrick + 1, 8 * sizeof *j.ridge))) goto done;
         cn_pool_run(pool, (level->nbrick + CHUNK - 1) / CHUNK, find_candidates, &j);
-        for (int b = 0; b < level->nbrick; b++)
-            for (int o = 0; o < CN_MAP_CELLS; o++) {
-                int i[3];
-                if (!cn_map_bit(j.candidate[j.level], b, o)) continue;
-                coordinates(level, b, o, i);
-                add_sample(&j, j.level, i);
-            }
+        if (!add_candidates(&j)) goto done;
     }
     join_pieces(&j);
     if ((status = list_cells(&j)) != CN_OK) goto done;
-    cn_pool_run(pool, (j.ncell + CHUNK - 1) / CHUNK, measure_cells, &j);
-    qsort(j.cell, (size_t)j.ncell, sizeof *j.cell, by_distance);
+    cn_pool_run(pool, (j.ncell + CHUNK - 1) / CHUNK, order_cells, &j);
+    if ((status = sort_cells(&j)) != CN_OK) goto done;
     thin(&j);
 
     status = CN_ERR_MEMORY;
@@ -347,10 +436,7 @@ cn_status cn_map_find_ridge(cn_map *map, const cn_world *world, cn_pool *pool)
     map->ridge_clearance = malloc(((size_t)j.ncell + 1) * sizeof *map->ridge_clearance);
     if (!map->ridge_x || !map->ridge_clearance) goto done;
     map->nridge = j.ncell;
-    for (int c = 0; c < j.ncell; c++) {
-        centre(map, j.cell[c].id, map->ridge_x + 3 * c);
-        map->ridge_clearance[c] = cn_world_distance(world, map->ridge_x + 3 * c, NULL, NULL, NULL);
-    }
+    cn_pool_run(pool, (j.ncell + CHUNK - 1) / CHUNK, measure_cells, &j);
     status = CN_OK;
 done:
     for (int l = 0; l < CN_MAP_LEVELS; l++)
