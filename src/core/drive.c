@@ -1,11 +1,12 @@
 /* drive.c - the follow drive: path-following and goal-seeking forces (Moss, Lin, Manocha 2008, section 4.2).
  *
  * All forces are accelerations times nodal mass, so that refining a mesh does not change their sum. Gains
- * come from the scene's own scales: goal seeking    c (u - v), c = 1/(2 dt), u = speed towards the milestone,
- * falling linearly over the last `lookahead` of k (L - L_rest); this is the paper's spring with its
- * mass-proportional damping. path following  zero up to path_distance, linear to full weight at twice that.
- * Full weight = speed/dt (turns the drive's own speed round in one step) plus, for a beam, the lateral load
- * EI kappa / l^2 per length that bends it to the path's curvature kappa within l = 10 diameters. */
+ * come from the scene's own scales. Full weight w: speed / dt (turns the drive's own speed round in one step)
+ * plus, for a beam, the lateral load EI kappa / l^2 per length (EI as the mesh has it) that bends it to the
+ * path's curvature kappa within l = 5 diameters. path following  zero up to path_distance, linear to w at
+ * twice that. goal seeking    w (share - v / speed) towards the milestone a lookahead along the path; share
+ * is the spring k (L - L_rest) over its value at the lookahead, v / speed its damping: full force on a body
+ *                   that is stopped, none on one that runs at the drive's speed. */
 #include "sim.h"
 
 #include <math.h>
@@ -28,44 +29,37 @@ static double aim(const cn_model_body *body, const cn_body_state *state, const c
     return state->s_goal > s + body->spec->waypoint_tolerance ? s : end;
 }
 
-static void goal_seeking(const cn_model_body *body, const cn_path *path, double s, double target,
-                         const double *x, const double *v, bool along_only, double acceleration[3])
+/* Unit vector towards the milestone, a lookahead along the path, and the share of the full speed to go there
+ * with: k (L - L_rest) over its value at the lookahead. */
+static double goal_seeking(const cn_model_body *body, const cn_path *path, double s, double target,
+                           const double *x, double to[3])
 {
-    const cn_drive_spec *drive = &body->spec->drive;
     const double far = lookahead(body), left = fabs(target - s), ahead = left < far ? left : far;
     cn_place place;
-    double to[3], length, pull[3] = {0, 0, 0};
     cn_path_at(path, target > s ? s + ahead : s - ahead, &place);
     cn_sub(place.x, x, to);
-    length = cn_normalise(to);
-    const double stretch = length - drive->rest_length;
-    const double speed = drive->speed * (stretch < far ? stretch / far : 1);
-    cn_axpy(speed, to, pull);
-    if (along_only)
-        cn_axpy(-cn_dot(v, to), to, pull);
-    else
-        cn_axpy(-1, v, pull);
-    for (int k = 0; k < 3; k++)
-        acceleration[k] = 0.5 / body->tick * pull[k];
+    const double stretch = cn_normalise(to) - body->spec->drive.rest_length;
+    return stretch < far ? stretch / far : 1;
 }
 
 static double full_weight(const cn_model_body *body, double curvature)
 {
-    const double reach = 10 * body->diameter;
+    const double reach = 5 * body->diameter;
     const double bend = body->bending > 0 ? body->bending * curvature / (reach * reach) : 0;
     return body->spec->drive.speed / body->tick + bend;
 }
 
 static void prepare_each(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
-                         cn_drive *drive)
+                         double dt, cn_drive *drive)
 {
     const double target = aim(body, state, path), margin = 2 * body->diameter + 2 * lookahead(body);
+    const double speed = body->spec->drive.speed;
     const int group = body->catheter ? body->per_station : 1;
     double s = state->s_goal, last = 0;
 
     for (int first = 0; first < state->nfree; first += group) {
         cn_place place;
-        double seek[3];
+        double to[3];
         const double behind = body->behind[first];
         if (body->catheter) { /* each station has its own nearest place, near where the material says */
             s -= first ? behind - last : 0;
@@ -76,20 +70,23 @@ static void prepare_each(const cn_model_body *body, const cn_body_state *state, 
         }
         cn_path_at(path, s, &place);
         const double full = full_weight(body, place.curvature);
-        goal_seeking(body, path, s, target - behind, state->x + 3 * first, state->v + 3 * first, true, seek);
+        const double share = goal_seeking(body, path, s, target - behind, state->x + 3 * first, to);
         for (int i = first; i < first + group && i < state->nfree; i++) {
             const double mass = body->body->mass[i];
             for (int k = 0; k < 3; k++) {
-                drive->force[3 * i + k] = mass * seek[k];
-                drive->centre[3 * i + k] =
-                    place.x[k] + (body->catheter ? state->x[3 * i + k] - state->x[3 * first + k]
-                                                 : body->offset[2 * i] * place.n[k] +
-                                                       body->offset[2 * i + 1] * place.b[k]);
+                const double beside =
+                    body->catheter ? state->x[3 * i + k] - state->x[3 * first + k]
+                                   : body->offset[2 * i] * place.n[k] + body->offset[2 * i + 1] * place.b[k];
+                drive->centre[3 * i + k] = place.x[k] + beside;
                 drive->tangent[3 * i + k] = place.t[k];
+                drive->towards[3 * i + k] = to[k];
             }
             drive->weight[i] = mass * full;
+            drive->lead[i] = share * speed * dt;
+            drive->pull[i] = mass * full / (speed * dt);
         }
     }
+    drive->from = state->x;
 }
 
 static void prepare_uniform(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
@@ -97,9 +94,11 @@ static void prepare_uniform(const cn_model_body *body, const cn_body_state *stat
 {
     const double *x = state->x + 3 * body->goal_node, *v = state->v + 3 * body->goal_node;
     cn_place place;
-    double a[3], away[3];
+    double a[3], to[3], away[3];
     cn_path_at(path, state->s_goal, &place);
-    goal_seeking(body, path, state->s_goal, aim(body, state, path), x, v, false, a);
+    const double share = goal_seeking(body, path, state->s_goal, aim(body, state, path), x, to);
+    for (int k = 0; k < 3; k++) /* half the difference to the wished speed in a step */
+        a[k] = 0.5 / body->tick * (share * body->spec->drive.speed * to[k] - v[k]);
     cn_sub(x, place.x, away);
     cn_axpy(-cn_dot(away, place.t), place.t, away);
     const double r = cn_normalise(away), near = drive->distance;
@@ -117,11 +116,12 @@ void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, con
     const size_t n = (size_t)body->body->nnode;
     memset(drive->force, 0, 3 * n * sizeof *drive->force);
     memset(drive->weight, 0, n * sizeof *drive->weight);
+    memset(drive->pull, 0, n * sizeof *drive->pull);
     drive->distance = body->spec->drive.path_distance;
     drive->advance = 0;
     if (!path) return;
     if (body->spec->drive.nodes == CN_NODES_EACH)
-        prepare_each(body, state, path, drive);
+        prepare_each(body, state, path, dt, drive);
     else
         prepare_uniform(body, state, path, drive);
     if (body->sheath) { /* the base runs at the drive's speed, slower over the last stretch */
@@ -132,30 +132,49 @@ void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, con
     }
 }
 
-double cn_drive_add(const cn_drive *drive, int nfree, const double *x, double *f, double scale, cn_matrix *a)
+/* Towards the milestone: full (share - v / speed) = - pull (d - lead), d the way made in the step. */
+static double add_seeking(const cn_drive *drive, int i, const double *x, double *f, double scale,
+                          cn_matrix *a)
 {
-    const double near = drive->distance;
-    double energy = 0;
-    for (int i = 0; i < nfree; i++) {
-        const double w = drive->weight[i];
-        if (!(w > 0)) continue;
-        double away[3];
-        const double *t = drive->tangent + 3 * i;
-        cn_sub(x + 3 * i, drive->centre + 3 * i, away);
-        cn_axpy(-cn_dot(away, t), t, away);
-        const double r = cn_normalise(away);
-        if (r <= near) continue;
-        const bool full = r >= 2 * near;
-        const double force = full ? w : w * (r - near) / near; /* d energy / d r */
-        energy += full ? w * (r - 1.5 * near) : 0.5 * w * (r - near) * (r - near) / near;
-        if (f) cn_axpy(-force, away, f + 3 * i);
-        if (!a) continue;
+    const double *to = drive->towards + 3 * i;
+    double moved[3];
+    cn_sub(x + 3 * i, drive->from + 3 * i, moved);
+    const double over = cn_dot(moved, to) - drive->lead[i];
+    if (f) cn_axpy(-drive->pull[i] * over, to, f + 3 * i);
+    for (int k = 0; a && k < 9; k++)
+        a->value[9 * (size_t)a->diagonal[i] + (size_t)k] += scale * drive->pull[i] * to[k / 3] * to[k % 3];
+    return 0.5 * drive->pull[i] * over * over;
+}
+
+static double add_following(const cn_drive *drive, int i, const double *x, double *f, double scale,
+                            cn_matrix *a)
+{
+    const double near = drive->distance, w = drive->weight[i], *t = drive->tangent + 3 * i;
+    double away[3];
+    cn_sub(x + 3 * i, drive->centre + 3 * i, away);
+    cn_axpy(-cn_dot(away, t), t, away);
+    const double r = cn_normalise(away);
+    if (r <= near) return 0;
+    const bool full = r >= 2 * near;
+    const double force = full ? w : w * (r - near) / near; /* d energy / d r */
+    if (f) cn_axpy(-force, away, f + 3 * i);
+    if (a) {
         const double radial = full ? 0 : w / near, across = force / r;
         double *block = a->value + 9 * (size_t)a->diagonal[i];
         for (int k = 0; k < 3; k++)
             for (int l = 0; l < 3; l++)
                 block[3 * k + l] += scale * (radial * away[k] * away[l] +
                                              across * ((k == l) - t[k] * t[l] - away[k] * away[l]));
+    }
+    return full ? w * (r - 1.5 * near) : 0.5 * w * (r - near) * (r - near) / near;
+}
+
+double cn_drive_add(const cn_drive *drive, int nfree, const double *x, double *f, double scale, cn_matrix *a)
+{
+    double energy = 0;
+    for (int i = 0; i < nfree; i++) {
+        if (drive->pull[i] > 0) energy += add_seeking(drive, i, x, f, scale, a);
+        if (drive->weight[i] > 0) energy += add_following(drive, i, x, f, scale, a);
     }
     return energy;
 }

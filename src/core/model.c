@@ -96,7 +96,7 @@ static cn_status lay_catheter(cn_model_body *body, cn_tets *mesh, double **along
     return CN_OK;
 }
 
-/* EI over mass per length of the true section, core included. */
+/* EI over mass per length [m^4/s^2]. */
 static double bending_of(const cn_body_spec *spec)
 {
     const double d = spec->shape.catheter.diameter, di = spec->shape.catheter.inner_diameter, pi = acos(-1.0);
@@ -107,6 +107,10 @@ static double bending_of(const cn_body_spec *spec)
         ei += spec->shape.catheter.core_young * pi * pow(dc, 4) / 64;
         line += spec->shape.catheter.core_density * pi * dc * dc / 4;
     }
+    /* the drive must bend the mesh as it is, with the stiffness that its elements add */
+    cn_beam_error error;
+    if (cn_beam_error_catheter(&spec->shape, &spec->material, &error) == CN_OK && error.bending > -1)
+        ei *= 1 + error.bending;
     return line > 0 ? ei / line : 0;
 }
 

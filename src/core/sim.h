@@ -125,12 +125,16 @@ double cn_step_residual(const cn_model *model, int body, const cn_state *state, 
 /* --- drive.c: forces that lead a body along its path (Moss et al. 2008, 4.2; design of the follow drive) ---
  */
 typedef struct {
-    double *force;   /* held through the step: goal seeking, uniform path following [N] (nnode x 3) */
-    double *centre;  /* place on the path each node belongs to [m]                      (nnode x 3) */
-    double *tangent; /* of the path there                                               (nnode x 3) */
-    double *weight;  /* full path-following force [N], 0: none                          (nnode)     */
-    double distance; /* path_distance [m] */
-    double advance;  /* base advance in this step [m] */
+    double *force;      /* held through the step: the uniform drive [N] (nnode x 3) */
+    double *centre;     /* place on the path each node belongs to [m]                      (nnode x 3) */
+    double *tangent;    /* of the path there                                               (nnode x 3) */
+    double *weight;     /* full path-following force [N], 0: none                          (nnode)     */
+    double *towards;    /* unit vector to the milestone                                    (nnode x 3) */
+    double *lead;       /* way to make along it in this step [m]                           (nnode)     */
+    double *pull;       /* force per way missed [N/m], 0: none                             (nnode)     */
+    const double *from; /* positions at the start of the step: the state's (nnode x 3) */
+    double distance;    /* path_distance [m] */
+    double advance;     /* base advance in this step [m] */
 } cn_drive;
 void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, const cn_path *path, double dt,
                       cn_drive *drive);

@@ -51,15 +51,16 @@ cn_status cn_work_new(cn_work **out, const cn_model *model, int ibody, cn_pool *
     *out = NULL;
     if (!work) return CN_ERR_MEMORY;
     work->model = model, work->body = body, work->pool = pool;
-    if (!(work->memory = calloc(15 * n + n / 3, sizeof *work->memory))) goto fail;
+    if (!(work->memory = calloc(17 * n, sizeof *work->memory))) goto fail;
     double *next = work->memory,
-           **const vectors[] = {&work->u,           &work->trial,        &work->trial_u,      &work->gradient,
-                                &work->elastic,     &work->external,     &work->path,         &work->touch,
-                                &work->dx,          &work->axis,         &work->moved,        &work->damped,
-                                &work->drive.force, &work->drive.centre, &work->drive.tangent};
+           **const vectors[] = {
+               &work->u,           &work->trial,        &work->trial_u,       &work->gradient,
+               &work->elastic,     &work->external,     &work->path,          &work->touch,
+               &work->dx,          &work->axis,         &work->moved,         &work->damped,
+               &work->drive.force, &work->drive.centre, &work->drive.tangent, &work->drive.towards};
     for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++, next += n)
         *vectors[i] = next;
-    work->drive.weight = next;
+    work->drive.weight = next, work->drive.lead = next + n / 3, work->drive.pull = next + 2 * (n / 3);
     if ((status = cn_matrix_new(&work->matrix, 1, bodies, first)) != CN_OK) goto fail;
     work->damping = *work->matrix;
     work->damping.value = NULL;
