@@ -32,7 +32,7 @@ typedef struct {
     int wall;
     int a[3];       /* body nodes: 1, 3, 2 of them by kind */
     int b[3];       /* wall vertices: 3, 1, 2 by kind */
-    double found;   /* distance where the pair was found [m] */
+    double found;   /* distance at `from` [m] */
     double mollify; /* edges: threshold on |ea x eb|^2 [m^4] */
 } cn_pair;
 
@@ -57,9 +57,11 @@ typedef struct cn_contact {
     double *distance;  /* last evaluated (npair) */
     double *limit;     /* of a motion, per chunk of pairs */
     cn_tree *tree;     /* over the body's triangles, refitted */
-    double *from;      /* positions where the pairs were found (nnode x 3) */
-    double reach;      /* every pair is listed while no node is farther than this from `from` [m] */
-    double gap_listed; /* ... that can come nearer than this [m] */
+    double *from;      /* positions at which `found` was measured (nnode x 3) */
+    double *end;       /* of the motion searched (nnode x 3) */
+    bool anchored;     /* the list holds within reach of `from` */
+    double reach;      /* [m] */
+    double gap_listed; /* pairs that can come nearer than this are listed [m] */
     bool full;
     int *patch;    /* union-find over wall vertices */
     int *patch_of; /* first wall vertex of each wall (nwall + 1) */
@@ -69,14 +71,17 @@ cn_status cn_contact_new(cn_contact **out, const cn_contact_model *model);
 void cn_contact_free(cn_contact *contact);
 cn_status cn_contact_grow(cn_contact *contact);
 
-/* Lists every pair whose distance can fall below max(gap, listed) while no node moves farther than reach from
- * x. Nodes [0, nfree) take part. */
+/* Lists every pair that can come nearer than max(gap, listed) while the nodes are within reach of the motion
+ * from x to x + dx (NULL: they stay at x). Nodes [0, nfree) take part. */
 cn_status cn_contact_find(const cn_contact_model *model, cn_contact *contact, int nfree, const double *x,
-                          double reach, double listed);
+                          const double *dx, double reach, double listed);
+/* Once the motion has been taken to x: from here on the list holds while no node is farther than reach from
+ * x. */
+void cn_contact_anchor(const cn_contact_model *model, cn_contact *contact, const double *x, cn_pool *pool);
 /* Barrier energy [J] at x; adds the force on the nodes to f (may be NULL) and scale * its Gauss-Newton
  * stiffness to A (may be NULL). INFINITY when a distance is not positive. */
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
-                      double scale, cn_matrix *a, cn_pool *pool);
+                      cn_matrix *a, bool exact, cn_pool *pool);
 /* Largest fraction in [0, 1] of the motion dx from x that keeps every pair at least `keep` of its distance
  * apart all along: conservative. The motion must stay within the reach. */
 double cn_contact_motion(const cn_contact_model *model, cn_contact *contact, const double *x,

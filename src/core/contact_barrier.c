@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 #include "catnav/vec3.h"
 #include "geometry.h"
 
@@ -15,40 +16,100 @@ typedef struct {
     double direction[3]; /* d distance / d node = weight * direction */
     double wall[3];      /* nearest point of the wall */
     double distance;
+    /* where the nearest points are free to slide: how body minus wall point changes, and the body's weights
+     * with it */
+    int nslide;
+    double slide[2][3], shift[2][3];
 } nearest;
+
+/* Notes the free parameters of a nearest point within a triangle: none at a corner, one on an edge, two
+ * inside. */
+static void slide_in_triangle(nearest *out, const double bary[3], const double *const corner[3], double sign)
+{
+    int in[3], n = 0;
+    for (int k = 0; k < 3; k++)
+        if (bary[k] > 0) in[n++] = k;
+    for (int j = 1; j < n; j++) {
+        double *g = out->slide[out->nslide], *w = out->shift[out->nslide++];
+        cn_sub(corner[in[j]], corner[in[0]], g);
+        for (int k = 0; k < 3; k++)
+            g[k] *= sign, w[k] = 0;
+        if (sign > 0) w[in[j]] = 1, w[in[0]] = -1;
+    }
+}
+
+static void slide_on_edge(nearest *out, double s, const double *from, const double *to, double sign)
+{
+    if (!(s > 0 && s < 1)) return;
+    double *g = out->slide[out->nslide], *w = out->shift[out->nslide++];
+    cn_sub(to, from, g);
+    for (int k = 0; k < 3; k++)
+        g[k] *= sign, w[k] = 0;
+    if (sign > 0) w[0] = -1, w[1] = 1;
+}
 
 static void nearest_of(const cn_pair *pair, const double *x, const double *y, nearest *out)
 {
     const int *a = pair->a, *b = pair->b;
     double body[3] = {0, 0, 0}, bary[3], s, t;
 
-    switch (pair->kind) {
-    case CN_PAIR_NODE_TRIANGLE:
+    out->nslide = 0;
+    if (pair->kind == CN_PAIR_NODE_TRIANGLE) {
+        const double *const corner[3] = {y + 3 * b[0], y + 3 * b[1], y + 3 * b[2]};
         out->n = 1, out->weight[0] = 1;
         cn_copy3(x + 3 * a[0], body);
-        out->distance = cn_point_triangle(body, y + 3 * b[0], y + 3 * b[1], y + 3 * b[2], bary);
+        out->distance = cn_point_triangle(body, corner[0], corner[1], corner[2], bary);
         for (int k = 0; k < 3; k++)
-            out->wall[k] = bary[0] * y[3 * b[0] + k] + bary[1] * y[3 * b[1] + k] + bary[2] * y[3 * b[2] + k];
-        break;
-    case CN_PAIR_TRIANGLE_VERTEX:
+            out->wall[k] = bary[0] * corner[0][k] + bary[1] * corner[1][k] + bary[2] * corner[2][k];
+        slide_in_triangle(out, bary, corner, -1);
+    } else if (pair->kind == CN_PAIR_TRIANGLE_VERTEX) {
+        const double *const corner[3] = {x + 3 * a[0], x + 3 * a[1], x + 3 * a[2]};
         out->n = 3;
-        out->distance =
-            cn_point_triangle(y + 3 * b[0], x + 3 * a[0], x + 3 * a[1], x + 3 * a[2], out->weight);
+        out->distance = cn_point_triangle(y + 3 * b[0], corner[0], corner[1], corner[2], out->weight);
         for (int k = 0; k < 3; k++)
-            cn_axpy(out->weight[k], x + 3 * a[k], body);
+            cn_axpy(out->weight[k], corner[k], body);
         cn_copy3(y + 3 * b[0], out->wall);
-        break;
-    default:
+        slide_in_triangle(out, out->weight, corner, 1);
+    } else {
+        const double *a0 = x + 3 * a[0], *a1 = x + 3 * a[1], *b0 = y + 3 * b[0], *b1 = y + 3 * b[1];
         out->n = 2;
-        out->distance = cn_edge_edge(x + 3 * a[0], x + 3 * a[1], y + 3 * b[0], y + 3 * b[1], &s, &t);
+        out->distance = cn_edge_edge(a0, a1, b0, b1, &s, &t);
         out->weight[0] = 1 - s, out->weight[1] = s;
         for (int k = 0; k < 3; k++) {
-            body[k] = (1 - s) * x[3 * a[0] + k] + s * x[3 * a[1] + k];
-            out->wall[k] = (1 - t) * y[3 * b[0] + k] + t * y[3 * b[1] + k];
+            body[k] = (1 - s) * a0[k] + s * a1[k];
+            out->wall[k] = (1 - t) * b0[k] + t * b1[k];
         }
+        slide_on_edge(out, s, a0, a1, 1);
+        slide_on_edge(out, t, b0, b1, -1);
     }
     cn_sub(body, out->wall, out->direction);
     cn_normalise(out->direction);
+}
+
+/* Second derivative of d^2/2 by nodes k and l: the nearest points slide so that it stays least, hence
+ * D_xx - D_xt D_tt^-1 D_tx over the sliding parameters t. */
+static void half_square_hessian(const nearest *at, int k, int l, double h[9])
+{
+    double inverse[2][2] = {{0, 0}, {0, 0}};
+    const double g11 = at->nslide > 0 ? cn_norm2(at->slide[0]) : 0;
+    for (int i = 0; i < 9; i++)
+        h[i] = i % 4 == 0 ? at->weight[k] * at->weight[l] : 0;
+    if (at->nslide == 1) inverse[0][0] = 1 / g11;
+    if (at->nslide == 2) {
+        const double g12 = cn_dot(at->slide[0], at->slide[1]), g22 = cn_norm2(at->slide[1]);
+        const double det = g11 * g22 - g12 * g12;
+        if (!(det > 1e-12 * g11 * g22)) return; /* parallel: the mollifier's ground */
+        inverse[0][0] = g22 / det, inverse[1][1] = g11 / det, inverse[0][1] = inverse[1][0] = -g12 / det;
+    }
+    for (int p = 0; p < at->nslide; p++)
+        for (int q = 0; q < at->nslide; q++)
+            for (int r = 0; r < 3; r++)
+                for (int c = 0; c < 3; c++)
+                    h[3 * r + c] -=
+                        inverse[p][q] *
+                        (at->weight[k] * at->slide[p][r] +
+                         at->shift[p][k] * at->distance * at->direction[r]) *
+                        (at->weight[l] * at->slide[q][c] + at->shift[q][l] * at->distance * at->direction[c]);
 }
 
 /* m(c) of near-parallel edges, c = |ea x eb|^2; its derivative by ea in dm. */
@@ -93,6 +154,7 @@ typedef struct {
     cn_contact *contact;
     const double *x, *dx;
     double keep;
+    bool all; /* measure every pair, however far */
 } pass;
 
 static void measure_chunk(void *user, int chunk)
@@ -103,7 +165,7 @@ static void measure_chunk(void *user, int chunk)
     for (int i = chunk * CHUNK; i < end; i++) {
         const cn_pair *pair = &contact->pair[i];
         const double lower = pair->found - moved(contact, pair, p->x);
-        if (lower > contact->gap_listed) {
+        if (!p->all && lower > contact->gap_listed) {
             contact->distance[i] = lower;
             continue;
         }
@@ -119,7 +181,7 @@ static int chunks(const cn_contact *contact)
 }
 
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
-                      double scale, cn_matrix *a, cn_pool *pool)
+                      cn_matrix *a, bool exact, cn_pool *pool)
 {
     pass p = {.model = model, .contact = contact, .x = x};
     double energy = 0;
@@ -142,14 +204,27 @@ double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const 
         }
         for (int k = 0; a && k < at.n; k++)
             for (int l = 0; l < at.n; l++) {
-                double *block = a->value + 9 * (size_t)cn_matrix_find(a, pair->a[k], pair->a[l]);
-                const double s = scale * model->kappa * m * b2 * at.weight[k] * at.weight[l];
+                double *block = a->value + 9 * (size_t)cn_matrix_find(a, pair->a[k], pair->a[l]), h[9];
+                const double bend = exact ? model->kappa * m * b1 / at.distance : 0;
+                const double s = (model->kappa * m * b2 - bend) * at.weight[k] * at.weight[l];
+                if (exact) half_square_hessian(&at, k, l, h);
                 for (int r = 0; r < 3; r++)
                     for (int c = 0; c < 3; c++)
-                        block[3 * r + c] += s * at.direction[r] * at.direction[c];
+                        block[3 * r + c] +=
+                            s * at.direction[r] * at.direction[c] + (exact ? bend * h[3 * r + c] : 0);
             }
     }
     return energy;
+}
+
+void cn_contact_anchor(const cn_contact_model *model, cn_contact *contact, const double *x, cn_pool *pool)
+{
+    pass p = {.model = model, .contact = contact, .x = x, .all = true};
+    cn_pool_run(pool, chunks(contact), measure_chunk, &p);
+    for (int i = 0; i < contact->npair; i++)
+        contact->pair[i].found = contact->distance[i];
+    memcpy(contact->from, x, 3 * (size_t)model->body->nnode * sizeof *x);
+    contact->anchored = true;
 }
 
 double cn_contact_least(const cn_contact *contact)

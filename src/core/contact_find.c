@@ -62,8 +62,9 @@ cn_status cn_contact_new(cn_contact **out, const cn_contact_model *model)
     *out = NULL;
     if (!contact) return CN_ERR_MEMORY;
     contact->from = malloc(3 * (size_t)body->nnode * sizeof *contact->from);
+    contact->end = malloc(3 * (size_t)body->nnode * sizeof *contact->end);
     contact->patch_of = malloc(((size_t)nwall + 1) * sizeof *contact->patch_of);
-    if (!contact->from || !contact->patch_of) goto fail;
+    if (!contact->from || !contact->end || !contact->patch_of) goto fail;
     contact->patch_of[0] = 0;
     for (int w = 0; w < nwall; w++)
         contact->patch_of[w + 1] = contact->patch_of[w] + model->world->wall[w].surface->nvert;
@@ -85,7 +86,8 @@ void cn_contact_free(cn_contact *contact)
 {
     if (!contact) return;
     cn_tree_free(contact->tree);
-    free(contact->pair), free(contact->distance), free(contact->limit), free(contact->from);
+    free(contact->pair), free(contact->distance), free(contact->limit), free(contact->from),
+        free(contact->end);
     free(contact->patch), free(contact->patch_of), free(contact->patch_force);
     free(contact);
 }
@@ -98,21 +100,35 @@ cn_status cn_contact_grow(cn_contact *contact)
 typedef struct {
     const cn_contact_model *model;
     cn_contact *contact;
-    const double *x;
+    const double *x, *dx; /* dx NULL: at rest */
     int nfree, wall;
     double margin;
 } search;
 
-static void box_of(int n, const int *index, const double *x, double margin, double min[3], double max[3])
+static void grow_box(const double *p, double min[3], double max[3])
 {
-    cn_copy3(x + 3 * index[0], min), cn_copy3(min, max);
-    for (int i = 1; i < n; i++)
-        for (int k = 0; k < 3; k++) {
-            const double v = x[3 * index[i] + k];
-            min[k] = v < min[k] ? v : min[k], max[k] = v > max[k] ? v : max[k];
-        }
     for (int k = 0; k < 3; k++)
-        min[k] -= margin, max[k] += margin;
+        min[k] = p[k] < min[k] ? p[k] : min[k], max[k] = p[k] > max[k] ? p[k] : max[k];
+}
+
+/* Box of wall vertices, or of body nodes over their motion and the margin. */
+static void wall_box(int n, const int *index, const double *y, double min[3], double max[3])
+{
+    cn_copy3(y + 3 * index[0], min), cn_copy3(min, max);
+    for (int i = 1; i < n; i++)
+        grow_box(y + 3 * index[i], min, max);
+}
+
+static void body_box(const search *s, int n, const int *index, double min[3], double max[3])
+{
+    wall_box(n, index, s->x, min, max);
+    for (int i = 0; s->dx && i < n; i++) {
+        double end[3];
+        cn_add(s->x + 3 * index[i], s->dx + 3 * index[i], end);
+        grow_box(end, min, max);
+    }
+    for (int k = 0; k < 3; k++)
+        min[k] -= s->margin, max[k] += s->margin;
 }
 
 static bool boxes_meet(const double amin[3], const double amax[3], const double bmin[3], const double bmax[3])
@@ -121,26 +137,44 @@ static bool boxes_meet(const double amin[3], const double amax[3], const double 
            amin[2] <= bmax[2] && bmin[2] <= amax[2];
 }
 
-static double pair_distance(const search *s, const cn_pair *pair)
+static double distance_at(const search *s, const cn_pair *pair, double t)
 {
-    const double *x = s->x, *y = s->model->world->wall[s->wall].surface->vert;
-    const int *a = pair->a, *b = pair->b;
+    const double *y = s->model->world->wall[s->wall].surface->vert;
+    const int n = pair->kind == CN_PAIR_NODE_TRIANGLE ? 1 : pair->kind == CN_PAIR_EDGES ? 2 : 3, *b = pair->b;
+    double x[3][3];
+    for (int i = 0; i < n; i++) {
+        cn_copy3(s->x + 3 * pair->a[i], x[i]);
+        if (t > 0) cn_axpy(t, s->dx + 3 * pair->a[i], x[i]);
+    }
     switch (pair->kind) {
     case CN_PAIR_NODE_TRIANGLE:
-        return cn_point_triangle(x + 3 * a[0], y + 3 * b[0], y + 3 * b[1], y + 3 * b[2], NULL);
+        return cn_point_triangle(x[0], y + 3 * b[0], y + 3 * b[1], y + 3 * b[2], NULL);
     case CN_PAIR_TRIANGLE_VERTEX:
-        return cn_point_triangle(y + 3 * b[0], x + 3 * a[0], x + 3 * a[1], x + 3 * a[2], NULL);
+        return cn_point_triangle(y + 3 * b[0], x[0], x[1], x[2], NULL);
     default:
-        return cn_edge_edge(x + 3 * a[0], x + 3 * a[1], y + 3 * b[0], y + 3 * b[1], NULL, NULL);
+        return cn_edge_edge(x[0], x[1], y + 3 * b[0], y + 3 * b[1], NULL, NULL);
     }
+}
+
+/* The distance changes no faster than the nodes move: three looks along the way are each good for a quarter
+ * of it. */
+static bool stays_far(const search *s, cn_pair *pair)
+{
+    const int n = pair->kind == CN_PAIR_NODE_TRIANGLE ? 1 : pair->kind == CN_PAIR_EDGES ? 2 : 3;
+    double way = 0;
+    pair->found = distance_at(s, pair, 0);
+    for (int i = 0; s->dx && i < n; i++)
+        way = fmax(way, cn_norm(s->dx + 3 * pair->a[i]));
+    const double near = s->margin + 0.25 * way;
+    if (pair->found <= near) return false;
+    return way == 0 || (distance_at(s, pair, 0.5) > near && distance_at(s, pair, 1) > near);
 }
 
 static bool add_pair(search *s, cn_pair *pair)
 {
     cn_contact *contact = s->contact;
     pair->wall = s->wall;
-    pair->found = pair_distance(s, pair);
-    if (pair->found > s->margin) return true;
+    if (stays_far(s, pair)) return true;
     if (contact->npair == contact->capacity) return contact->full = true, false;
     contact->distance[contact->npair] = pair->found;
     contact->pair[contact->npair++] = *pair;
@@ -157,31 +191,31 @@ static bool add_triangle_pair(void *user, int ia, int ib)
     const int oa = ca->owns[ia], ob = cb->owns[ib];
     double bmin[3], bmax[3], amin[3], amax[3];
 
-    box_of(3, b, y, 0, bmin, bmax);
+    wall_box(3, b, y, bmin, bmax);
     const bool inside = a[0] < s->nfree && a[1] < s->nfree && a[2] < s->nfree;
     for (int k = 0; k < 3; k++) {
         if (!(oa >> k & 1) || a[k] >= s->nfree) continue;
-        box_of(1, a + k, s->x, s->margin, amin, amax);
+        body_box(s, 1, a + k, amin, amax);
         cn_pair pair = {.kind = CN_PAIR_NODE_TRIANGLE, .a = {a[k], -1, -1}, .b = {b[0], b[1], b[2]}};
         if (boxes_meet(amin, amax, bmin, bmax) && !add_pair(s, &pair)) return false;
     }
     if (!inside) return true; /* a triangle with a corner in the sheath is not tested against the walls */
 
-    box_of(3, a, s->x, s->margin, amin, amax);
+    body_box(s, 3, a, amin, amax);
     for (int k = 0; k < 3; k++) {
         if (!(ob >> k & 1)) continue;
         cn_pair pair = {.kind = CN_PAIR_TRIANGLE_VERTEX, .a = {a[0], a[1], a[2]}, .b = {b[k], -1, -1}};
-        box_of(1, b + k, y, 0, bmin, bmax);
+        wall_box(1, b + k, y, bmin, bmax);
         if (boxes_meet(amin, amax, bmin, bmax) && !add_pair(s, &pair)) return false;
     }
     for (int k = 0; k < 3; k++) {
         if (!(oa >> (3 + k) & 1)) continue;
         const int *ea = ca->edge + 2 * ca->tri_edge[3 * ia + k];
-        box_of(2, ea, s->x, s->margin, amin, amax);
+        body_box(s, 2, ea, amin, amax);
         for (int l = 0; l < 3; l++) {
             if (!(ob >> (3 + l) & 1)) continue;
             const int *eb = cb->edge + 2 * cb->tri_edge[3 * ib + l];
-            box_of(2, eb, y, 0, bmin, bmax);
+            wall_box(2, eb, y, bmin, bmax);
             if (!boxes_meet(amin, amax, bmin, bmax)) continue;
             double da[3], db[3];
             cn_sub(s->x + 3 * ea[1], s->x + 3 * ea[0], da);
@@ -197,17 +231,23 @@ static bool add_triangle_pair(void *user, int ia, int ib)
 }
 
 cn_status cn_contact_find(const cn_contact_model *model, cn_contact *contact, int nfree, const double *x,
-                          double reach, double listed)
+                          const double *dx, double reach, double listed)
 {
     const double gap = listed > model->gap ? listed : model->gap;
-    search s = {.model = model, .contact = contact, .x = x, .nfree = nfree, .margin = gap + reach};
+    const size_t n = 3 * (size_t)model->body->nnode;
+    search s = {.model = model, .contact = contact, .x = x, .dx = dx, .nfree = nfree, .margin = gap + reach};
 
     contact->npair = 0, contact->full = false;
-    contact->reach = reach, contact->gap_listed = gap;
-    memcpy(contact->from, x, 3 * (size_t)model->body->nnode * sizeof *x);
+    contact->reach = reach, contact->gap_listed = gap, contact->anchored = !dx;
+    memcpy(contact->from, x, n * sizeof *x);
     if (nfree == 0) return CN_OK;
-    cn_tree_refit(contact->tree, x);
+    if (dx) {
+        memcpy(contact->end, x, n * sizeof *x);
+        for (int i = 0; i < 3 * nfree; i++)
+            contact->end[i] += dx[i];
+    }
+    cn_tree_refit_swept(contact->tree, x, dx ? contact->end : x, s.margin);
     for (s.wall = 0; s.wall < model->world->nwall; s.wall++)
-        cn_tree_query_pairs(contact->tree, model->world->wall[s.wall].tree, s.margin, add_triangle_pair, &s);
+        cn_tree_query_pairs(contact->tree, model->world->wall[s.wall].tree, 0, add_triangle_pair, &s);
     return contact->full ? CN_ERR_CONTACT : CN_OK;
 }

@@ -161,7 +161,8 @@ static double evaluate(const stepping *s, const double *x, const double *u, int 
     const double path = cn_drive_add(&work->drive, s->nfree, x, work->path, 1, a);
     if (s->strict) {
         const double start = seconds();
-        contact = cn_contact_add(work->body->contact, work->contact, x, work->touch, 1, a, work->pool);
+        contact = cn_contact_add(work->body->contact, work->contact, x, work->touch, a,
+                                 tangent == CN_TANGENT_EXACT, work->pool);
         work->collision_s += seconds() - start;
     }
     for (int i = 0; i < s->nfree; i++) {
@@ -220,42 +221,41 @@ static double longest(const stepping *s, const double *dx)
     return sqrt(most);
 }
 
-static cn_status find_contacts(const stepping *s, const double *x, double reach)
+/* Lists the pairs along the motion dx from x, and a little more for what the solver adds. */
+static cn_status find_contacts(const stepping *s, const double *x, const double *dx)
 {
-    cn_work *work = s->work;
-    const double start = seconds();
-    const cn_status status = cn_contact_find(work->body->contact, work->contact, s->nfree, x, reach, 0);
-    work->collision_s += seconds() - start;
-    return status;
+    const cn_contact_model *contact = s->work->body->contact;
+    return cn_contact_find(contact, s->work->contact, s->nfree, x, dx, 2 * contact->gap, 0);
 }
 
 /* Largest fraction of dx that strict contact allows; pairs are listed anew when the motion leaves their
  * reach. */
-static cn_status allowed(const stepping *s, const double *x, const double *dx, double *fraction)
+static cn_status allowed(const stepping *s, const double *x, double *dx, double *fraction)
 {
     cn_work *work = s->work;
-    double far = 0;
+    cn_contact *contact = work->contact;
     cn_status status;
     *fraction = 1;
     if (!s->strict) return CN_OK;
+    const double start = seconds();
+    double far = 0, scale = 1;
+    if (!contact->anchored) cn_contact_anchor(work->body->contact, contact, x, work->pool);
     for (int i = 0; i < s->nfree; i++) {
         double to[3];
         for (int k = 0; k < 3; k++)
-            to[k] = x[3 * i + k] + dx[3 * i + k] - work->contact->from[3 * i + k];
+            to[k] = x[3 * i + k] + dx[3 * i + k] - contact->from[3 * i + k];
         far = fmax(far, cn_norm2(to));
     }
-    if (sqrt(far) > work->contact->reach) {
+    if (sqrt(far) > contact->reach) {
         const double most = longest(s, dx),
-                     cap = fmax(20 * work->body->contact->gap, 2 * work->contact->reach);
-        if (most > cap) *fraction = cap / most;
-        if ((status = find_contacts(s, x, 1.001 * fmin(most, cap))) != CN_OK) return status;
-    }
-    const double start = seconds();
-    if (*fraction < 1)
+                     cap = fmax(20 * work->body->contact->gap, 2 * s->dt * longest(s, s->from->v));
+        if (most > cap) scale = cap / most;
         for (int i = 0; i < 3 * s->nfree; i++)
-            work->trial[i] = *fraction * dx[i];
-    *fraction *= cn_contact_motion(work->body->contact, work->contact, x, *fraction < 1 ? work->trial : dx,
-                                   0.2, work->pool);
+            work->trial[i] = scale * dx[i];
+        if ((status = find_contacts(s, x, work->trial)) != CN_OK) return status;
+    }
+    *fraction = scale * cn_contact_motion(work->body->contact, contact, x, scale < 1 ? work->trial : dx, 0.2,
+                                          work->pool);
     work->collision_s += seconds() - start;
     return CN_OK;
 }
@@ -397,16 +397,16 @@ cn_status cn_step(const cn_model *model, int ibody, const cn_state *state, cn_st
         for (int i = 0; i < 3 * s.nfree; i++)
             work->dx[i] = body->fixed[i / 3] ? 0 : dt * from->v[i];
         if (s.strict) {
-            const double run = longest(&s, work->dx);
-            if ((status = find_contacts(&s, from->x, 2 * run + 0.5 * body->contact->gap)) != CN_OK)
-                return status;
-            if ((status = allowed(&s, from->x, work->dx, &fraction)) != CN_OK) return status;
+            const double begin = seconds();
+            if ((status = find_contacts(&s, from->x, work->dx)) != CN_OK) return status;
+            fraction = cn_contact_motion(body->contact, work->contact, from->x, work->dx, 0.2, work->pool);
+            work->collision_s += seconds() - begin;
         }
         for (int i = 0; i < 3 * s.nfree; i++) {
             work->u[i] = fraction * work->dx[i];
             to->x[i] = from->x[i] + work->u[i];
         }
-    } else if (s.strict && (status = find_contacts(&s, from->x, longest(&s, from->v) * 2 * dt)) != CN_OK) {
+    } else if (s.strict && (status = find_contacts(&s, from->x, NULL)) != CN_OK) {
         return status;
     }
     if (work->damping.value) {
@@ -464,8 +464,8 @@ double cn_step_residual(const cn_model *model, int ibody, const cn_state *state,
     memset(work->elastic, 0, active), memset(work->path, 0, active), memset(work->touch, 0, active);
     cn_body_add_elastic(b, s.nactive, to->x, to->rotation, work->elastic, CN_TANGENT_WARPED, 1, NULL, NULL);
     cn_drive_add(&work->drive, s.nfree, to->x, work->path, 1, NULL);
-    if (s.strict && cn_contact_find(body->contact, work->contact, s.nfree, to->x, 0, 0) == CN_OK)
-        cn_contact_add(body->contact, work->contact, to->x, work->touch, 1, NULL, NULL);
+    if (s.strict && cn_contact_find(body->contact, work->contact, s.nfree, to->x, NULL, 0, 0) == CN_OK)
+        cn_contact_add(body->contact, work->contact, to->x, work->touch, NULL, false, NULL);
     for (int i = 0; i < 3 * s.nfree; i++) {
         if (body->fixed[i / 3]) continue;
         const double m = b->mass[i / 3], v1 = (to->x[i] - from->x[i]) / dt;

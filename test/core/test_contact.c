@@ -61,18 +61,68 @@ static void force_is_minus_the_energy_gradient(void **state)
     const double h = 1e-7;
     set_up(&p, mesh, 0.25, 0.05);
     shift(&p, 0.03, 0.02, 0.025); /* near three walls at once */
-    assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, 10 * h, 0), CN_OK);
+    assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, NULL, 10 * h, 0), CN_OK);
     assert_true(p.contact->npair > 0);
-    assert_true(cn_contact_add(p.model, p.contact, p.x, f, 1, NULL, NULL) > 0);
+    assert_true(cn_contact_add(p.model, p.contact, p.x, f, NULL, false, NULL) > 0);
     for (int i = 0; i < 3 * mesh->nnode; i++) {
         const double xi = p.x[i];
         p.x[i] = xi + h;
-        const double up = cn_contact_add(p.model, p.contact, p.x, NULL, 1, NULL, NULL);
+        const double up = cn_contact_add(p.model, p.contact, p.x, NULL, NULL, false, NULL);
         p.x[i] = xi - h;
-        const double down = cn_contact_add(p.model, p.contact, p.x, NULL, 1, NULL, NULL);
+        const double down = cn_contact_add(p.model, p.contact, p.x, NULL, NULL, false, NULL);
         p.x[i] = xi;
         assert_true(fabs(f[i] + (up - down) / (2 * h)) < 1e-5 * (1 + fabs(f[i])));
     }
+    put_away(&p);
+    cn_tets_free(mesh);
+}
+
+/* The exact stiffness is minus the derivative of the force, but for what the mollifier of near-parallel edges
+ * adds: a box turned against the walls has none. */
+static void stiffness_is_minus_the_force_gradient(void **state)
+{
+    (void)state;
+    cn_tets *mesh = shape_box(1, 1, 1, 0.1);
+    const double axis[3] = {0.5, 0.4, 0.3}, h = 1e-7;
+    double turn[9], up[24], down[24];
+    place p;
+    cn_matrix *a = NULL;
+    set_up(&p, mesh, 0.25, 0.05);
+    cn_rotation(axis, turn);
+    for (int i = 0; i < mesh->nnode; i++) {
+        double y[3];
+        cn_mat_vec(turn, p.x + 3 * i, y);
+        cn_copy3(y, p.x + 3 * i);
+    }
+    double most[3] = {-1, -1, -1};
+    for (int i = 0; i < 3 * mesh->nnode; i++)
+        most[i % 3] = fmax(most[i % 3], p.x[i]);
+    shift(&p, 0.225 - most[0], 0.22 - most[1], 0.23 - most[2]); /* into the corner */
+    const cn_body *const bodies[1] = {p.body};
+    const int first[1] = {0};
+    assert_int_equal(cn_matrix_new(&a, 1, bodies, first), CN_OK);
+    assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, NULL, 10 * h, 0), CN_OK);
+    cn_matrix_clear(a, mesh->nnode);
+    cn_contact_add(p.model, p.contact, p.x, NULL, a, true, NULL);
+    double largest = 0;
+    for (int i = 0; i < 9 * a->nblock; i++)
+        largest = fmax(largest, fabs(a->value[i]));
+    assert_true(largest > 0);
+    for (int j = 0; j < 3 * mesh->nnode; j++) {
+        const double xj = p.x[j];
+        memset(up, 0, sizeof up), memset(down, 0, sizeof down);
+        p.x[j] = xj + h;
+        cn_contact_add(p.model, p.contact, p.x, up, NULL, false, NULL);
+        p.x[j] = xj - h;
+        cn_contact_add(p.model, p.contact, p.x, down, NULL, false, NULL);
+        p.x[j] = xj;
+        for (int i = 0; i < 3 * mesh->nnode; i++) {
+            const int block = cn_matrix_find(a, i / 3, j / 3);
+            const double k = block < 0 ? 0 : a->value[9 * block + 3 * (i % 3) + j % 3];
+            assert_true(fabs(k + (up[i] - down[i]) / (2 * h)) < 1e-4 * largest);
+        }
+    }
+    cn_matrix_free(a);
     put_away(&p);
     cn_tets_free(mesh);
 }
@@ -85,8 +135,8 @@ static void pushing_against_a_wall_is_answered_away_from_it(void **state)
     double f[3 * 8] = {0}, sum[3] = {0, 0, 0};
     set_up(&p, mesh, 0.5, 0.01);
     shift(&p, 0, 0, 0.395);
-    assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, 0, 0), CN_OK);
-    cn_contact_add(p.model, p.contact, p.x, f, 1, NULL, NULL);
+    assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, NULL, 0, 0), CN_OK);
+    cn_contact_add(p.model, p.contact, p.x, f, NULL, false, NULL);
     for (int i = 0; i < mesh->nnode; i++)
         cn_add(sum, f + 3 * i, sum);
     assert_true(sum[2] < 0 && fabs(sum[0]) < 1e-9 * -sum[2] && fabs(sum[1]) < 1e-9 * -sum[2]);
@@ -127,7 +177,7 @@ static void no_motion_passes_a_wall(void **state)
         double most = 0;
         for (int i = 0; i < mesh->nnode; i++)
             most = fmax(most, cn_norm(dx + 3 * i));
-        assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, most, 0), CN_OK);
+        assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, dx, 0.02, 0), CN_OK);
         const double fraction = cn_contact_motion(p.model, p.contact, p.x, dx, 0.1, NULL);
         assert_true(fraction > 0);
         for (int i = 0; i < 3 * mesh->nnode; i++)
@@ -149,7 +199,7 @@ static void every_near_pair_is_listed(void **state)
     place p;
     set_up(&p, mesh, 0.5, 0.02);
     shift(&p, 0.188, 0.29, 0.29);
-    assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, 0.05, 0), CN_OK);
+    assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, NULL, 0.05, 0), CN_OK);
     /* a node is listed with the plane at x = 0.5 as often as it lies over a triangle of it */
     int expected = 0, listed = 0;
     for (int i = 0; i < p.model->collider->ntri; i++)
@@ -212,10 +262,10 @@ static void a_full_list_is_an_error_and_can_be_grown(void **state)
     place p;
     set_up(&p, mesh, 0.3, 0.05);
     p.contact->capacity = 8;
-    assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, 1, 0), CN_ERR_CONTACT);
+    assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, NULL, 1, 0), CN_ERR_CONTACT);
     for (int i = 0; i < 20 && p.contact->capacity < 1 << 20; i++) {
         assert_int_equal(cn_contact_grow(p.contact), CN_OK);
-        if (cn_contact_find(p.model, p.contact, mesh->nnode, p.x, 1, 0) == CN_OK) break;
+        if (cn_contact_find(p.model, p.contact, mesh->nnode, p.x, NULL, 1, 0) == CN_OK) break;
     }
     assert_false(p.contact->full);
     put_away(&p);
@@ -226,6 +276,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(force_is_minus_the_energy_gradient),
+        cmocka_unit_test(stiffness_is_minus_the_force_gradient),
         cmocka_unit_test(pushing_against_a_wall_is_answered_away_from_it),
         cmocka_unit_test(no_motion_passes_a_wall),
         cmocka_unit_test(every_near_pair_is_listed),
