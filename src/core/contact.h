@@ -42,6 +42,7 @@ typedef struct {
     const cn_world *world;
     cn_collider *collider;       /* of the body */
     cn_collider **wall_collider; /* per wall */
+    double **wall_plane;         /* per wall: unit normal and offset of each triangle (ntri x 4) */
     double gap;                  /* distance at which the barrier begins [m] */
     double kappa;                /* barrier stiffness [N/m] */
 } cn_contact_model;

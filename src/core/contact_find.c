@@ -7,6 +7,23 @@
 #include "catnav/vec3.h"
 #include "geometry.h"
 
+/* Unit normal n and offset d of each triangle: n . x = d; zero where it has no area. */
+static cn_status planes_of(double **out, const cn_surface *surface)
+{
+    double *plane = *out = malloc((4 * (size_t)surface->ntri + 1) * sizeof *plane);
+    if (!plane) return CN_ERR_MEMORY;
+    for (int t = 0; t < surface->ntri; t++, plane += 4) {
+        const double *p = surface->vert + 3 * surface->tri[3 * t];
+        double e1[3], e2[3];
+        cn_sub(surface->vert + 3 * surface->tri[3 * t + 1], p, e1);
+        cn_sub(surface->vert + 3 * surface->tri[3 * t + 2], p, e2);
+        cn_cross(e1, e2, plane);
+        cn_normalise(plane);
+        plane[3] = cn_dot(plane, p);
+    }
+    return CN_OK;
+}
+
 cn_status cn_contact_model_new(cn_contact_model **out, const cn_body *body, const cn_world *world, double gap,
                                double kappa)
 {
@@ -16,11 +33,13 @@ cn_status cn_contact_model_new(cn_contact_model **out, const cn_body *body, cons
     if (!model) return CN_ERR_MEMORY;
     model->body = body, model->world = world, model->gap = gap, model->kappa = kappa;
     model->wall_collider = calloc((size_t)world->nwall + 1, sizeof *model->wall_collider);
-    if (!model->wall_collider) goto fail;
+    model->wall_plane = calloc((size_t)world->nwall + 1, sizeof *model->wall_plane);
+    if (!model->wall_collider || !model->wall_plane) goto fail;
     status = cn_collider_new(&model->collider, body->boundary->ntri, body->boundary->tri, body->nnode);
     for (int w = 0; w < world->nwall && status == CN_OK; w++) {
         const cn_surface *wall = world->wall[w].surface;
         status = cn_collider_new(&model->wall_collider[w], wall->ntri, wall->tri, wall->nvert);
+        if (status == CN_OK) status = planes_of(&model->wall_plane[w], wall);
     }
     if (status != CN_OK) goto fail;
     *out = model;
@@ -36,7 +55,9 @@ void cn_contact_model_free(cn_contact_model *model)
     cn_collider_free(model->collider);
     for (int w = 0; model->wall_collider && w < model->world->nwall; w++)
         cn_collider_free(model->wall_collider[w]);
-    free(model->wall_collider);
+    for (int w = 0; model->wall_plane && w < model->world->nwall; w++)
+        free(model->wall_plane[w]);
+    free(model->wall_collider), free(model->wall_plane);
     free(model);
 }
 
@@ -181,10 +202,25 @@ static bool add_pair(search *s, cn_pair *pair)
     return true;
 }
 
+/* True when the triangle stays on one side of the wall triangle's plane, farther than the margin, all the
+ * way. */
+static bool beside_plane(const search *s, const int *a, const double *plane)
+{
+    double low = INFINITY, high = -INFINITY;
+    for (int k = 0; k < 3; k++) {
+        const double h = cn_dot(plane, s->x + 3 * a[k]) - plane[3];
+        const double end = s->dx ? h + cn_dot(plane, s->dx + 3 * a[k]) : h;
+        low = fmin(low, fmin(h, end)), high = fmax(high, fmax(h, end));
+    }
+    return low > s->margin || high < -s->margin;
+}
+
 /* What two triangles own of each other's vertices and edges. */
 static bool add_triangle_pair(void *user, int ia, int ib)
 {
     search *s = user;
+    if (beside_plane(s, s->model->collider->tri + 3 * ia, s->model->wall_plane[s->wall] + 4 * ib))
+        return true;
     const cn_collider *ca = s->model->collider, *cb = s->model->wall_collider[s->wall];
     const double *y = s->model->world->wall[s->wall].surface->vert;
     const int *a = ca->tri + 3 * ia, *b = cb->tri + 3 * ib;
