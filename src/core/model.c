@@ -220,7 +220,7 @@ static cn_status contact_of(cn_model_body *out, const cn_scene *scene, const cn_
     const double gap = isnan(scene->contact.gap) ? 0.075 * length : scene->contact.gap;
     /* the barrier is about as stiff as the body's own surface over a gap */
     const double kappa =
-        isnan(scene->contact.stiffness) ? 0.1 * out->spec->material.young * gap : scene->contact.stiffness;
+        isnan(scene->contact.stiffness) ? 0.35 * out->spec->material.young * gap : scene->contact.stiffness;
     return cn_contact_model_new(&out->contact, body, world, gap, kappa);
 }
 

@@ -30,6 +30,16 @@ bool fail_alloc_fired(void)
     return fired;
 }
 
+bool fail_alloc_next(long *n)
+{
+    if (*n >= 0 && !fired) {
+        fail_alloc_at(-1);
+        return false;
+    }
+    fail_alloc_at(++*n);
+    return true;
+}
+
 static bool fails_now(void)
 {
     const bool now = atomic_fetch_add(&count, 1) == fail_at;

@@ -11,11 +11,12 @@ void fail_alloc_at(long n);
 long fail_alloc_count(void); /* allocations asked for since fail_alloc_at */
 bool fail_alloc_fired(void); /* whether the failure has happened since */
 
-/* for (FAIL_EACH_ALLOC) { status = make(&thing); fail_alloc_at(-1) ... } : ends when the call needed fewer.
- */
+/* for (FAIL_EACH_ALLOC) { status = make(&thing); ... } : allocation 0, 1, 2, ... fails, until none did. */
 #define FAIL_EACH_ALLOC                                                                                      \
-    long fail_n = (fail_alloc_at(0), 0);                                                                     \
-    fail_n == 0 || fail_alloc_fired();                                                                       \
-    fail_alloc_at(++fail_n)
+    long fail_n = -1;                                                                                        \
+    fail_alloc_next(&fail_n);
+
+/* True while a further failure is to be tried; arms it. */
+bool fail_alloc_next(long *n);
 
 #endif
