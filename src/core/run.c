@@ -365,8 +365,8 @@ cn_status cn_run(cn_world *world, const cn_request *request, cn_planner planner,
         cn_verdict *verdict = &report->verdict;
         if (verdict->step < 0) verdict->step = run.state->step, verdict->time = run.state->time;
         for (int b = 0; b < run.nbody; b++)
-            if (run.state->body[b].waypoint > 0 && verdict->waypoint < run.state->body[b].waypoint)
-                verdict->waypoint = run.state->body[b].waypoint - 1;
+            if (cn_run_waypoint(&run, run.state, b) > verdict->waypoint)
+                verdict->waypoint = cn_run_waypoint(&run, run.state, b);
     }
     cn_run_finish(&run);
     report->time.wall_s = cn_seconds() - start;

@@ -15,6 +15,11 @@ static void element_centre(const cn_body *body, const double *x, int element, do
         cn_axpy(0.25, x + 3 * body->tet[4 * element + a], centre);
 }
 
+int cn_run_waypoint(const cn_run_data *run, const cn_state *state, int b)
+{
+    return state->body[b].waypoint - (b == 0 && run->waypoint ? 0 : 1);
+}
+
 typedef struct {
     double value;
     int element;
@@ -67,7 +72,7 @@ static void fill(cn_run_data *run, cn_verdict *verdict, int b, const cn_limit *l
     verdict->value = r->value, verdict->limit = limit->limit, verdict->element = r->element;
     cn_copy3(r->where, verdict->position);
     verdict->step = trial->step, verdict->time = trial->time;
-    verdict->waypoint = trial->body[b].waypoint - 1;
+    verdict->waypoint = cn_run_waypoint(run, trial, b);
     snprintf(verdict->body, sizeof verdict->body, "%s", run->spec[b].name);
     char element[40] = "";
     if (r->element >= 0) snprintf(element, sizeof element, " in element %d", r->element);

@@ -66,6 +66,9 @@ void cn_run_checkpoint(cn_run_data *run, int body);
 /* run_limits.c: measures the trial state; true when a limit is broken, with the verdict filled. */
 bool cn_run_limits(cn_run_data *run, int body, cn_state *trial, const cn_step_figures *figures,
                    cn_verdict *broken);
+/* Index of the last waypoint reached: in the request's own list, where the entry is number 0, or the scene's.
+ */
+int cn_run_waypoint(const cn_run_data *run, const cn_state *state, int body);
 double cn_run_margin(const cn_run_data *run, const char **of);
 
 /* run_record.c */

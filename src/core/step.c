@@ -462,10 +462,11 @@ double cn_step_residual(const cn_model *model, int ibody, const cn_state *state,
     setup(&s, model, ibody, from, &before, path, state->time + dt, dt, work);
     const size_t active = 3 * (size_t)s.nactive * sizeof(double);
     memset(work->elastic, 0, active), memset(work->path, 0, active), memset(work->touch, 0, active);
-    cn_body_add_elastic(b, s.nactive, to->x, to->rotation, work->elastic, CN_TANGENT_WARPED, 1, NULL, NULL);
+    cn_body_add_elastic(b, s.nactive, to->x, to->rotation, work->elastic, CN_TANGENT_WARPED, 1, NULL,
+                        work->pool);
     cn_drive_add(&work->drive, s.nfree, to->x, work->path, 1, NULL);
     if (s.strict && cn_contact_find(body->contact, work->contact, s.nfree, to->x, NULL, 0, 0) == CN_OK)
-        cn_contact_add(body->contact, work->contact, to->x, work->touch, NULL, false, NULL);
+        cn_contact_add(body->contact, work->contact, to->x, work->touch, NULL, false, work->pool);
     for (int i = 0; i < 3 * s.nfree; i++) {
         if (body->fixed[i / 3]) continue;
         const double m = b->mass[i / 3], v1 = (to->x[i] - from->x[i]) / dt;
