@@ -151,8 +151,7 @@ static bool bad_start(cn_run_data *run)
     return false;
 }
 
-/* One whole step of a body: in halves, quarters, ... where it does not converge. */
-static cn_status advance(cn_run_data *run, int b, cn_step_figures *figures)
+cn_status cn_run_advance(cn_run_data *run, int b, cn_step_figures *figures)
 {
     cn_run_body *body = &run->body[b];
     const double dt = run->model->dt;
@@ -170,6 +169,8 @@ static cn_status advance(cn_run_data *run, int b, cn_step_figures *figures)
             figures->newton = part.newton > figures->newton ? part.newton : figures->newton;
             figures->linear = part.linear > figures->linear ? part.linear : figures->linear;
             figures->fem_s += part.fem_s, figures->collision_s += part.collision_s;
+            figures->unconverged += part.unconverged;
+            figures->linear_residual = fmax(figures->linear_residual, part.linear_residual);
             if (status != CN_OK) break;
             const double residual =
                 cn_step_residual(run->model, b, from, run->trial, body->path, dt / parts, body->work);
@@ -267,7 +268,7 @@ static void drive_on(cn_run_data *run)
         cn_state_copy(run->trial, run->state);
         for (int b = 0; b < run->nbody && broken_body < 0; b++) {
             cn_step_figures one;
-            const cn_status status = advance(run, b, &one);
+            const cn_status status = cn_run_advance(run, b, &one);
             if (status != CN_OK) {
                 numerics(run, b, status);
                 return;
@@ -297,6 +298,7 @@ static void drive_on(cn_run_data *run)
         for (int b = 0; b < run->nbody; b++)
             if (run->body[b].path) cn_run_checkpoint(run, b);
         cn_run_frame(run, run->state);
+        if (run->visit && !run->visit(run->visitor, run)) return;
         const double now = cn_seconds();
         if (now - shown > 0.2) {
             stage(run, CN_STAGE_MOTION, (run->report->steps - shown_step) / (now - shown));
@@ -352,10 +354,18 @@ static void begin(cn_run_data *run, cn_world *world, const cn_request *request, 
 cn_status cn_run(cn_world *world, const cn_request *request, cn_planner planner, int threads,
                  const cn_run_hooks *hooks, cn_report *report, cn_error *error)
 {
+    return cn_run_visited(world, request, planner, threads, hooks, NULL, NULL, report, error);
+}
+
+cn_status cn_run_visited(cn_world *world, const cn_request *request, cn_planner planner, int threads,
+                         const cn_run_hooks *hooks, cn_run_visit visit, void *visitor, cn_report *report,
+                         cn_error *error)
+{
     if (!world || !report) return cn_fail(error, CN_ERR_ARG, NULL, 0, "cn_run needs a world and a report");
     cn_run_data run;
     const double start = cn_seconds();
     begin(&run, world, request, planner, threads, hooks, report);
+    run.visit = visit, run.visitor = visitor;
     const cn_status status = prepare(&run);
     if (status != CN_OK)
         refuse(&run, status);

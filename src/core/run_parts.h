@@ -28,7 +28,11 @@ typedef struct {
     int refused_capacity;
 } cn_run_body;
 
-typedef struct {
+typedef struct cn_run_data cn_run_data;
+/* Called after every accepted step; false ends the run there, without a verdict. */
+typedef bool (*cn_run_visit)(void *visitor, cn_run_data *run);
+
+struct cn_run_data {
     cn_world *world;
     const cn_scene *scene;
     const cn_request *request;
@@ -49,7 +53,17 @@ typedef struct {
     cn_run_body *body;
     int nsample, sample_capacity;
     double *fem_ms, *collision_ms, *step_ms;
-} cn_run_data;
+    cn_run_visit visit; /* NULL: nobody */
+    void *visitor;
+};
+
+/* run.c: cn_run, visited. */
+cn_status cn_run_visited(cn_world *world, const cn_request *request, cn_planner planner, int threads,
+                         const cn_run_hooks *hooks, cn_run_visit visit, void *visitor, cn_report *report,
+                         cn_error *error);
+/* One whole step of a body from run->state into run->trial: in quarters, sixteenths, ... where it does not
+ * converge (counted as rejected steps; run->spare is used). */
+cn_status cn_run_advance(cn_run_data *run, int body, cn_step_figures *figures);
 
 /* run_door.c: what the request asks, and what this build cannot do; refusals in words. */
 cn_status cn_run_specs(cn_run_data *run);

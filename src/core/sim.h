@@ -82,6 +82,8 @@ typedef struct cn_work cn_work;
 /* What one step did to one body. */
 typedef struct {
     int newton, linear;               /* iterations */
+    int unconverged;                  /* linear solves that stopped at their last iteration, and */
+    double linear_residual;           /* the largest |b - A x| / |b| among them */
     double residual;                  /* recomputed, over the largest force norm */
     double force, work;               /* of the drive: sum of nodal magnitudes and the base's push [N]; [J] */
     double wall_force, wall_where[3]; /* most loaded patch [N] */

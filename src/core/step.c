@@ -225,7 +225,7 @@ static double longest(const stepping *s, const double *dx)
 static cn_status find_contacts(const stepping *s, const double *x, const double *dx)
 {
     const cn_contact_model *contact = s->work->body->contact;
-    return cn_contact_find(contact, s->work->contact, s->nfree, x, dx, 2 * contact->gap, 0);
+    return cn_contact_find(contact, s->work->contact, s->nfree, x, dx, 2 * contact->gap, 0, s->work->pool);
 }
 
 /* Largest fraction of dx that strict contact allows; pairs are listed anew when the motion leaves their
@@ -261,7 +261,7 @@ static cn_status allowed(const stepping *s, const double *x, double *dx, double 
 }
 
 /* dx = -H^-1 g; the exact tangent first, the projected one where that is not positive definite. */
-static cn_status newton_direction(const stepping *s, double *slope, int *linear)
+static cn_status newton_direction(const stepping *s, double *slope, cn_step_figures *figures)
 {
     cn_work *work = s->work;
     const cn_scene *scene = work->model->scene;
@@ -276,11 +276,13 @@ static cn_status newton_direction(const stepping *s, double *slope, int *linear)
                 work->trial[i] = -work->gradient[i], work->dx[i] = 0;
             status = cn_solver_solve(work->solver, work->trial, work->dx, scene->solver.linear_tolerance,
                                      1000, &iterations, &residual, work->pool);
-            if (iterations > *linear) *linear = iterations;
+            if (iterations > figures->linear) figures->linear = iterations;
             if (status == CN_ERR_CONVERGENCE) {
                 CN_LOG(CN_LOG_WARNING,
                        "linear solver not converged: relative residual %.2e after %d iterations", residual,
                        iterations);
+                figures->unconverged++;
+                figures->linear_residual = fmax(figures->linear_residual, residual);
                 status = CN_OK;
             }
         }
@@ -311,7 +313,7 @@ static cn_status minimise(const stepping *s, cn_step_figures *figures)
         if (figures->newton && residual <= fmax(tolerance * work->residual_scale, gradient_floor(s)))
             return CN_OK;
         if (figures->newton == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
-        if ((status = newton_direction(s, &slope, &figures->linear)) != CN_OK) return status;
+        if ((status = newton_direction(s, &slope, figures)) != CN_OK) return status;
         figures->newton++;
         if ((status = allowed(s, s->x, work->dx, &fraction)) != CN_OK) return status;
 
@@ -465,7 +467,8 @@ double cn_step_residual(const cn_model *model, int ibody, const cn_state *state,
     cn_body_add_elastic(b, s.nactive, to->x, to->rotation, work->elastic, CN_TANGENT_WARPED, 1, NULL,
                         work->pool);
     cn_drive_add(&work->drive, s.nfree, to->x, work->path, 1, NULL);
-    if (s.strict && cn_contact_find(body->contact, work->contact, s.nfree, to->x, NULL, 0, 0) == CN_OK)
+    if (s.strict &&
+        cn_contact_find(body->contact, work->contact, s.nfree, to->x, NULL, 0, 0, work->pool) == CN_OK)
         cn_contact_add(body->contact, work->contact, to->x, work->touch, NULL, false, work->pool);
     for (int i = 0; i < 3 * s.nfree; i++) {
         if (body->fixed[i / 3]) continue;
