@@ -40,7 +40,8 @@ typedef struct {
 typedef struct {
     const cn_body *body;
     const cn_world *world;
-    cn_collider *collider;       /* of the body */
+    int *tri;                    /* of the body's surface, neighbours near each other (ntri x 3) */
+    cn_collider *collider;       /* over them */
     cn_collider **wall_collider; /* per wall */
     double **wall_plane;         /* per wall: unit normal and offset of each triangle (ntri x 4) */
     double gap;                  /* distance at which the barrier begins [m] */
@@ -50,22 +51,42 @@ cn_status cn_contact_model_new(cn_contact_model **out, const cn_body *body, cons
                                double kappa);
 void cn_contact_model_free(cn_contact_model *model);
 
+/* Seen by tests that share nothing with the response: exact crossings of triangle pairs, and nodes or axis
+ * points outside the free space with their depth. */
+typedef struct {
+    int intersections;                      /* crossing triangle pairs */
+    int outside;                            /* nodes and axis points outside */
+    double depth;                           /* deepest outside point [m], 0: none */
+    int body_triangle, wall, wall_triangle; /* first crossing pair, -1 */
+    double where[3];                        /* of the first finding */
+} cn_findings;
+
+/* Some hundred triangles that lie together. */
+typedef struct {
+    int first, ntri; /* of the model's triangles */
+    int lowest;      /* node index: a part is left out while this node is in the sheath */
+    cn_tree *tree;
+    int npair, capacity;
+    cn_pair *pair;
+} cn_contact_part;
+
 /* Scratch and result of the contact search of one body. Lists have a fixed capacity: a full list is
  * CN_ERR_CONTACT, after which cn_contact_grow makes room between steps. */
 typedef struct cn_contact {
     int npair, capacity;
     cn_pair *pair;
-    double *distance;  /* last evaluated (npair) */
-    double *limit;     /* of a motion, per chunk of pairs */
-    cn_tree *tree;     /* over the body's triangles, refitted */
-    double *from;      /* positions at which `found` was measured (nnode x 3) */
-    double *end;       /* of the motion searched (nnode x 3) */
-    bool anchored;     /* the list holds within reach of `from` */
-    double reach;      /* [m] */
-    double gap_listed; /* pairs that can come nearer than this are listed [m] */
-    bool full;
-    int *patch;    /* union-find over wall vertices */
-    int *patch_of; /* first wall vertex of each wall (nwall + 1) */
+    double *distance; /* last evaluated (npair) */
+    double *limit;    /* of a motion, per chunk of pairs */
+    int npart;        /* parts of the body's surface, each with a tree of its own: searched side by side */
+    cn_contact_part *part;
+    cn_findings *found; /* per part */
+    double *from;       /* positions at which `found` was measured (nnode x 3) */
+    double *end;        /* of the motion searched (nnode x 3) */
+    bool anchored;      /* the list holds within reach of `from` */
+    double reach;       /* [m] */
+    double gap_listed;  /* pairs that can come nearer than this are listed [m] */
+    int *patch;         /* union-find over wall vertices */
+    int *patch_of;      /* first wall vertex of each wall (nwall + 1) */
     double *patch_force;
 } cn_contact;
 cn_status cn_contact_new(cn_contact **out, const cn_contact_model *model);
@@ -75,12 +96,13 @@ cn_status cn_contact_grow(cn_contact *contact);
 /* Lists every pair that can come nearer than max(gap, listed) while the nodes are within reach of the motion
  * from x to x + dx (NULL: they stay at x). Nodes [0, nfree) take part. */
 cn_status cn_contact_find(const cn_contact_model *model, cn_contact *contact, int nfree, const double *x,
-                          const double *dx, double reach, double listed);
+                          const double *dx, double reach, double listed, cn_pool *pool);
 /* Once the motion has been taken to x: from here on the list holds while no node is farther than reach from
  * x. */
 void cn_contact_anchor(const cn_contact_model *model, cn_contact *contact, const double *x, cn_pool *pool);
-/* Barrier energy [J] at x; adds the force on the nodes to f (may be NULL) and scale * its Gauss-Newton
- * stiffness to A (may be NULL). INFINITY when a distance is not positive. */
+/* Barrier energy [J] at x; adds the force on the nodes to f (may be NULL) and its stiffness to A (may be NULL):
+ * the whole second derivative when exact (mollifier aside), else its positive Gauss-Newton part. INFINITY when a
+ * distance is not positive. */
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
                       cn_matrix *a, bool exact, cn_pool *pool);
 /* Largest fraction in [0, 1] of the motion dx from x that keeps every pair at least `keep` of its distance
@@ -93,15 +115,6 @@ double cn_contact_least(const cn_contact *contact);
 double cn_contact_patch_force(const cn_contact_model *model, cn_contact *contact, const double *x,
                               double where[3], int *wall);
 
-/* Seen by tests that share nothing with the response: exact crossings of triangle pairs, and nodes or axis
- * points outside the free space with their depth. */
-typedef struct {
-    int intersections;                      /* crossing triangle pairs */
-    int outside;                            /* nodes and axis points outside */
-    double depth;                           /* deepest outside point [m], 0: none */
-    int body_triangle, wall, wall_triangle; /* first crossing pair, -1 */
-    double where[3];                        /* of the first finding */
-} cn_findings;
 /* axis (naxis x 3): further points to be inside. Uses and refits the contact's tree. */
 cn_status cn_contact_check(const cn_contact_model *model, cn_contact *contact, int nfree, const double *x,
                            int naxis, const double *axis, cn_findings *findings, cn_pool *pool);

@@ -15,21 +15,23 @@ static void corners(const int *tri, const double *x, double out[3][3])
 
 typedef struct {
     const cn_contact_model *model;
-    const double *x;
-    int nfree, wall;
-    cn_findings *findings;
-} crossing_search;
+    cn_contact *contact;
+    const double *x, *axis;
+    int nfree, naxis, part, wall;
+    cn_findings *found; /* per task */
+} check;
 
 static bool count_crossing(void *user, int ia, int ib)
 {
-    crossing_search *s = user;
+    check *s = user;
+    ia += s->contact->part[s->part].first;
     const int *a = s->model->collider->tri + 3 * ia;
     const cn_surface *wall = s->model->world->wall[s->wall].surface;
     double ta[3][3], tb[3][3];
     if (a[0] >= s->nfree || a[1] >= s->nfree || a[2] >= s->nfree) return true;
     corners(a, s->x, ta), corners(wall->tri + 3 * ib, wall->vert, tb);
     if (cn_tri_tri((const double(*)[3])ta, (const double(*)[3])tb) == CN_TRI_APART) return true;
-    cn_findings *f = s->findings;
+    cn_findings *f = s->found;
     if (!f->intersections++) {
         f->body_triangle = ia, f->wall = s->wall, f->wall_triangle = ib;
         cn_copy3(ta[0], f->where);
@@ -37,9 +39,9 @@ static bool count_crossing(void *user, int ia, int ib)
     return true;
 }
 
-static void count_outside(const cn_world *world, int n, const double *x, cn_findings *findings)
+static void count_outside(const cn_world *world, int begin, int end, const double *x, cn_findings *findings)
 {
-    for (int i = 0; i < n; i++) {
+    for (int i = begin; i < end; i++) {
         const double *p = x + 3 * i;
         if (cn_world_free_fast(world, p)) continue;
         const double depth = cn_world_distance(world, p, NULL, NULL, NULL);
@@ -48,25 +50,51 @@ static void count_outside(const cn_world *world, int n, const double *x, cn_find
     }
 }
 
+/* Task p: the crossings of part p and its share of the points. */
+static void check_part(void *user, int p)
+{
+    const check *all = user;
+    check s = *all;
+    const long parts = s.contact->npart;
+    s.part = p, s.found = all->found + p;
+    *s.found = (cn_findings){.body_triangle = -1, .wall = -1, .wall_triangle = -1, .where = {NAN, NAN, NAN}};
+    if (s.contact->part[p].lowest < s.nfree) {
+        cn_tree_refit(s.contact->part[p].tree, s.x);
+        for (s.wall = 0; s.wall < s.model->world->nwall; s.wall++)
+            cn_tree_query_pairs(s.contact->part[p].tree, s.model->world->wall[s.wall].tree, 0, count_crossing,
+                                &s);
+    }
+    count_outside(s.model->world, (int)(s.nfree * p / parts), (int)(s.nfree * (p + 1) / parts), s.x, s.found);
+    count_outside(s.model->world, (int)(s.naxis * p / parts), (int)(s.naxis * (p + 1) / parts), s.axis,
+                  s.found);
+}
+
 cn_status cn_contact_check(const cn_contact_model *model, cn_contact *contact, int nfree, const double *x,
                            int naxis, const double *axis, cn_findings *findings, cn_pool *pool)
 {
-    crossing_search s = {.model = model, .x = x, .nfree = nfree, .findings = findings};
-    (void)pool;
+    check s = {.model = model, .contact = contact, .x = x, .axis = axis, .nfree = nfree, .naxis = naxis};
     *findings = (cn_findings){.body_triangle = -1, .wall = -1, .wall_triangle = -1, .where = {NAN, NAN, NAN}};
     if (nfree == 0) return CN_OK;
-    cn_tree_refit(contact->tree, x);
-    for (s.wall = 0; s.wall < model->world->nwall; s.wall++)
-        cn_tree_query_pairs(contact->tree, model->world->wall[s.wall].tree, 0, count_crossing, &s);
-    count_outside(model->world, nfree, x, findings);
-    count_outside(model->world, naxis, axis, findings);
+    s.found = contact->found;
+    cn_pool_run(pool, contact->npart, check_part, &s);
+    for (int p = 0; p < contact->npart; p++) {
+        const cn_findings *f = &contact->found[p];
+        if ((f->intersections && !findings->intersections) ||
+            (f->outside && !findings->outside && !findings->intersections)) {
+            findings->body_triangle = f->body_triangle, findings->wall = f->wall;
+            findings->wall_triangle = f->wall_triangle;
+            cn_copy3(f->where, findings->where);
+        }
+        findings->intersections += f->intersections, findings->outside += f->outside;
+        findings->depth = fmax(findings->depth, f->depth);
+    }
     return CN_OK;
 }
 
 typedef struct {
     const cn_contact_model *model;
     double *x, *v;
-    int nfree, wall, left;
+    int nfree, first, wall, left;
     double bounce; /* 0: the normal velocity is lost; e: it reverses times e */
 } projection;
 
@@ -74,6 +102,7 @@ typedef struct {
 static bool push_apart(void *user, int ia, int ib)
 {
     projection *p = user;
+    ia += p->first;
     const int *a = p->model->collider->tri + 3 * ia;
     const cn_wall *wall = &p->model->world->wall[p->wall];
     double ta[3][3], tb[3][3], e1[3], e2[3], normal[3];
@@ -107,9 +136,14 @@ int cn_contact_project(const cn_contact_model *model, cn_contact *contact, int n
     p.bounce = response == CN_RESPONSE_ELASTIC ? restitution : 0;
     for (int pass = 0; pass < passes; pass++) {
         p.left = 0;
-        cn_tree_refit(contact->tree, x);
-        for (p.wall = 0; p.wall < model->world->nwall; p.wall++)
-            cn_tree_query_pairs(contact->tree, model->world->wall[p.wall].tree, model->gap, push_apart, &p);
+        for (int i = 0; i < contact->npart; i++) {
+            cn_contact_part *part = &contact->part[i];
+            if (part->lowest >= nfree) continue;
+            p.first = part->first;
+            cn_tree_refit(part->tree, x);
+            for (p.wall = 0; p.wall < model->world->nwall; p.wall++)
+                cn_tree_query_pairs(part->tree, model->world->wall[p.wall].tree, model->gap, push_apart, &p);
+        }
         if (p.left == 0) break;
     }
     return p.left;

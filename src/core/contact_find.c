@@ -1,127 +1,16 @@
-/* contact_find.c - memory of the contact search, and the pairs that may come near. */
+/* contact_find.c - the pairs that may come near. */
 #include "contact.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
 #include "geometry.h"
-
-/* Unit normal n and offset d of each triangle: n . x = d; zero where it has no area. */
-static cn_status planes_of(double **out, const cn_surface *surface)
-{
-    double *plane = *out = malloc((4 * (size_t)surface->ntri + 1) * sizeof *plane);
-    if (!plane) return CN_ERR_MEMORY;
-    for (int t = 0; t < surface->ntri; t++, plane += 4) {
-        const double *p = surface->vert + 3 * surface->tri[3 * t];
-        double e1[3], e2[3];
-        cn_sub(surface->vert + 3 * surface->tri[3 * t + 1], p, e1);
-        cn_sub(surface->vert + 3 * surface->tri[3 * t + 2], p, e2);
-        cn_cross(e1, e2, plane);
-        cn_normalise(plane);
-        plane[3] = cn_dot(plane, p);
-    }
-    return CN_OK;
-}
-
-cn_status cn_contact_model_new(cn_contact_model **out, const cn_body *body, const cn_world *world, double gap,
-                               double kappa)
-{
-    cn_contact_model *model = calloc(1, sizeof *model);
-    cn_status status = CN_ERR_MEMORY;
-    *out = NULL;
-    if (!model) return CN_ERR_MEMORY;
-    model->body = body, model->world = world, model->gap = gap, model->kappa = kappa;
-    model->wall_collider = calloc((size_t)world->nwall + 1, sizeof *model->wall_collider);
-    model->wall_plane = calloc((size_t)world->nwall + 1, sizeof *model->wall_plane);
-    if (!model->wall_collider || !model->wall_plane) goto fail;
-    status = cn_collider_new(&model->collider, body->boundary->ntri, body->boundary->tri, body->nnode);
-    for (int w = 0; w < world->nwall && status == CN_OK; w++) {
-        const cn_surface *wall = world->wall[w].surface;
-        status = cn_collider_new(&model->wall_collider[w], wall->ntri, wall->tri, wall->nvert);
-        if (status == CN_OK) status = planes_of(&model->wall_plane[w], wall);
-    }
-    if (status != CN_OK) goto fail;
-    *out = model;
-    return CN_OK;
-fail:
-    cn_contact_model_free(model);
-    return status;
-}
-
-void cn_contact_model_free(cn_contact_model *model)
-{
-    if (!model) return;
-    cn_collider_free(model->collider);
-    for (int w = 0; model->wall_collider && w < model->world->nwall; w++)
-        cn_collider_free(model->wall_collider[w]);
-    for (int w = 0; model->wall_plane && w < model->world->nwall; w++)
-        free(model->wall_plane[w]);
-    free(model->wall_collider), free(model->wall_plane);
-    free(model);
-}
-
-static cn_status pair_memory(cn_contact *contact, int capacity)
-{
-    cn_pair *pair = realloc(contact->pair, (size_t)capacity * sizeof *pair);
-    if (pair) contact->pair = pair;
-    double *distance = realloc(contact->distance, (size_t)capacity * sizeof *distance);
-    if (distance) contact->distance = distance;
-    double *limit = realloc(contact->limit, ((size_t)capacity / 64 + 1) * sizeof *limit);
-    if (limit) contact->limit = limit;
-    if (!pair || !distance || !limit) return CN_ERR_MEMORY;
-    contact->capacity = capacity;
-    return CN_OK;
-}
-
-cn_status cn_contact_new(cn_contact **out, const cn_contact_model *model)
-{
-    cn_contact *contact = calloc(1, sizeof *contact);
-    const cn_body *body = model->body;
-    const int nwall = model->world->nwall;
-    cn_status status = CN_ERR_MEMORY;
-    *out = NULL;
-    if (!contact) return CN_ERR_MEMORY;
-    contact->from = malloc(3 * (size_t)body->nnode * sizeof *contact->from);
-    contact->end = malloc(3 * (size_t)body->nnode * sizeof *contact->end);
-    contact->patch_of = malloc(((size_t)nwall + 1) * sizeof *contact->patch_of);
-    if (!contact->from || !contact->end || !contact->patch_of) goto fail;
-    contact->patch_of[0] = 0;
-    for (int w = 0; w < nwall; w++)
-        contact->patch_of[w + 1] = contact->patch_of[w] + model->world->wall[w].surface->nvert;
-    contact->patch = malloc(((size_t)contact->patch_of[nwall] + 1) * sizeof *contact->patch);
-    contact->patch_force = malloc((6 * (size_t)contact->patch_of[nwall] + 1) * sizeof *contact->patch_force);
-    if (!contact->patch || !contact->patch_force) goto fail;
-    if ((status = pair_memory(contact, 16384 + 32 * body->boundary->ntri)) != CN_OK) goto fail;
-    if ((status = cn_tree_new(&contact->tree, body->boundary->ntri, body->boundary->tri, body->rest)) !=
-        CN_OK)
-        goto fail;
-    *out = contact;
-    return CN_OK;
-fail:
-    cn_contact_free(contact);
-    return status;
-}
-
-void cn_contact_free(cn_contact *contact)
-{
-    if (!contact) return;
-    cn_tree_free(contact->tree);
-    free(contact->pair), free(contact->distance), free(contact->limit), free(contact->from),
-        free(contact->end);
-    free(contact->patch), free(contact->patch_of), free(contact->patch_force);
-    free(contact);
-}
-
-cn_status cn_contact_grow(cn_contact *contact)
-{
-    return pair_memory(contact, 2 * contact->capacity);
-}
 
 typedef struct {
     const cn_contact_model *model;
     cn_contact *contact;
     const double *x, *dx; /* dx NULL: at rest */
+    cn_contact_part *part;
     int nfree, wall;
     double margin;
 } search;
@@ -193,12 +82,11 @@ static bool stays_far(const search *s, cn_pair *pair)
 
 static bool add_pair(search *s, cn_pair *pair)
 {
-    cn_contact *contact = s->contact;
+    cn_contact_part *part = s->part;
     pair->wall = s->wall;
     if (stays_far(s, pair)) return true;
-    if (contact->npair == contact->capacity) return contact->full = true, false;
-    contact->distance[contact->npair] = pair->found;
-    contact->pair[contact->npair++] = *pair;
+    if (part->npair == part->capacity) return false;
+    part->pair[part->npair++] = *pair;
     return true;
 }
 
@@ -219,6 +107,7 @@ static bool beside_plane(const search *s, const int *a, const double *plane)
 static bool add_triangle_pair(void *user, int ia, int ib)
 {
     search *s = user;
+    ia += s->part->first;
     if (beside_plane(s, s->model->collider->tri + 3 * ia, s->model->wall_plane[s->wall] + 4 * ib))
         return true;
     const cn_collider *ca = s->model->collider, *cb = s->model->wall_collider[s->wall];
@@ -266,24 +155,43 @@ static bool add_triangle_pair(void *user, int ia, int ib)
     return true;
 }
 
+static void find_in_part(void *user, int p)
+{
+    const search *all = user;
+    search s = *all;
+    s.part = &all->contact->part[p];
+    s.part->npair = 0;
+    if (s.part->lowest >= s.nfree) return;
+    cn_tree_refit_swept(s.part->tree, s.x, s.dx ? s.contact->end : s.x, s.margin);
+    for (s.wall = 0; s.wall < s.model->world->nwall; s.wall++)
+        cn_tree_query_pairs(s.part->tree, s.model->world->wall[s.wall].tree, 0, add_triangle_pair, &s);
+}
+
 cn_status cn_contact_find(const cn_contact_model *model, cn_contact *contact, int nfree, const double *x,
-                          const double *dx, double reach, double listed)
+                          const double *dx, double reach, double listed, cn_pool *pool)
 {
     const double gap = listed > model->gap ? listed : model->gap;
     const size_t n = 3 * (size_t)model->body->nnode;
     search s = {.model = model, .contact = contact, .x = x, .dx = dx, .nfree = nfree, .margin = gap + reach};
+    bool full = false;
 
-    contact->npair = 0, contact->full = false;
+    contact->npair = 0;
     contact->reach = reach, contact->gap_listed = gap, contact->anchored = !dx;
     memcpy(contact->from, x, n * sizeof *x);
-    if (nfree == 0) return CN_OK;
     if (dx) {
         memcpy(contact->end, x, n * sizeof *x);
         for (int i = 0; i < 3 * nfree; i++)
             contact->end[i] += dx[i];
     }
-    cn_tree_refit_swept(contact->tree, x, dx ? contact->end : x, s.margin);
-    for (s.wall = 0; s.wall < model->world->nwall; s.wall++)
-        cn_tree_query_pairs(contact->tree, model->world->wall[s.wall].tree, 0, add_triangle_pair, &s);
-    return contact->full ? CN_ERR_CONTACT : CN_OK;
+    cn_pool_run(pool, contact->npart, find_in_part, &s);
+    for (int p = 0; p < contact->npart; p++) {
+        const cn_contact_part *part = &contact->part[p];
+        full |= part->npair == part->capacity;
+        for (int i = 0; i < part->npair; i++) {
+            if (contact->npair == contact->capacity) return CN_ERR_CONTACT;
+            contact->distance[contact->npair] = part->pair[i].found;
+            contact->pair[contact->npair++] = part->pair[i];
+        }
+    }
+    return full ? CN_ERR_CONTACT : CN_OK;
 }
