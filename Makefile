@@ -10,8 +10,8 @@ CTEST := cd $(BUILD) && ROS_HOSTNAME=localhost ctest -V -j$(JOBS)
 # catkin leaves paths that do not exist yet out of the test environment: a fresh tree is configured twice
 build: packages
 	@test -e $(BUILD)/.configured || cmake -S . -B $(BUILD) -DPYTHON_EXECUTABLE=/usr/bin/python3
-	@MAKEFLAGS= cmake --build $(BUILD) -j$(JOBS)
-	@test -e $(BUILD)/.configured || { cmake $(BUILD) && MAKEFLAGS= cmake --build $(BUILD) -j$(JOBS) && \
+	@env -u MAKELEVEL -u MAKEFLAGS cmake --build $(BUILD) -j$(JOBS)
+	@test -e $(BUILD)/.configured || { cmake $(BUILD) && env -u MAKELEVEL -u MAKEFLAGS cmake --build $(BUILD) -j$(JOBS) && \
 	    touch $(BUILD)/.configured; }
 
 # Installs what packages.txt lists and this machine lacks; with everything present it touches nothing

@@ -146,7 +146,7 @@ def main():
     shifted = list(centre)
     across = 3 - up - side
     sign = 1.0 if np.cross(np.eye(3)[side], np.eye(3)[up])[across] > 0 else -1.0
-    shifted[across] += sign * 0.16 * length[up]  # the vessel left of the middle: the inset is on the right
+    shifted[across] += sign * 0.24 * length[up]  # the vessel left of the middle: the inset is on the right
     window.AddRenderer(whole)
     look(whole, shifted, 0.53 * length[up], 3 * max(length))
 
@@ -156,10 +156,14 @@ def main():
     bar.SetNumberOfLabels(5)
     bar.GetLabelTextProperty().SetColor(0.1, 0.1, 0.1)
     bar.GetTitleTextProperty().SetColor(0.1, 0.1, 0.1)
-    bar.SetPosition(0.87, 0.55)
+    bar.SetPosition(0.85, 0.53)
     bar.SetWidth(0.09)
     bar.SetHeight(0.38)
     bar.UnconstrainedFontSizeOn()
+    for text in bar.GetLabelTextProperty(), bar.GetTitleTextProperty():
+        text.SetFontSize(18)
+        text.ItalicOff()
+        text.ShadowOff()
     whole.AddActor2D(bar)
 
     verdict = report['verdict']
