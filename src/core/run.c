@@ -167,6 +167,7 @@ cn_status cn_run_advance(cn_run_data *run, int b, cn_step_figures *figures)
                 status = cn_step(run->model, b, from, run->trial, body->path, dt / parts, body->work, &part);
             }
             figures->newton = part.newton > figures->newton ? part.newton : figures->newton;
+            figures->kept += part.kept;
             figures->linear = part.linear > figures->linear ? part.linear : figures->linear;
             figures->fem_s += part.fem_s, figures->collision_s += part.collision_s;
             figures->unconverged += part.unconverged;
@@ -276,6 +277,7 @@ static void drive_on(cn_run_data *run)
             run->trial->step = run->state->step + 1, run->trial->time = run->state->time + run->model->dt;
             if (cn_run_limits(run, b, run->trial, &one, &broken)) broken_body = b;
             figures.newton = one.newton > figures.newton ? one.newton : figures.newton;
+            figures.kept += one.kept;
             figures.linear = one.linear > figures.linear ? one.linear : figures.linear;
             figures.residual = fmax(figures.residual, one.residual), figures.gap = fmin(figures.gap, one.gap);
             figures.force += one.force, figures.work += one.work;

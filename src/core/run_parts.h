@@ -51,6 +51,7 @@ struct cn_run_data {
     cn_model *model;
     cn_state *state, *trial, *spare;
     cn_run_body *body;
+    long kept; /* Newton iterations that an earlier factor served */
     int nsample, sample_capacity;
     double *fem_ms, *collision_ms, *step_ms;
     cn_run_visit visit; /* NULL: nobody */

@@ -82,6 +82,7 @@ typedef struct cn_work cn_work;
 /* What one step did to one body. */
 typedef struct {
     int newton, linear;               /* iterations */
+    int kept;                         /* Newton iterations with an earlier one's factor */
     int unconverged;                  /* linear solves that stopped at their last iteration, and */
     double linear_residual;           /* the largest |b - A x| / |b| among them */
     double residual;                  /* recomputed, over the largest force norm */

@@ -30,6 +30,10 @@ struct cn_work {
     double *moved, *damped;             /* of damping_stiffness */
     double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
     double collision_s;
+    bool factored;         /* the solver holds a factor of an earlier iteration, made ... */
+    int factored_nfree;    /* ... with this many free nodes */
+    double factored_dt;    /* ... and this step */
+    double *factored_turn; /* ... at these element rotations (ntet x 4) */
 };
 
 static double seconds(void)
@@ -51,7 +55,8 @@ cn_status cn_work_new(cn_work **out, const cn_model *model, int ibody, cn_pool *
     *out = NULL;
     if (!work) return CN_ERR_MEMORY;
     work->model = model, work->body = body, work->pool = pool;
-    if (!(work->memory = calloc(17 * n, sizeof *work->memory))) goto fail;
+    const size_t turn = 4 * (size_t)body->body->ntet;
+    if (!(work->memory = calloc(17 * n + turn, sizeof *work->memory))) goto fail;
     double *next = work->memory,
            **const vectors[] = {
                &work->u,           &work->trial,        &work->trial_u,       &work->gradient,
@@ -61,6 +66,7 @@ cn_status cn_work_new(cn_work **out, const cn_model *model, int ibody, cn_pool *
     for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++, next += n)
         *vectors[i] = next;
     work->drive.weight = next, work->drive.lead = next + n / 3, work->drive.pull = next + 2 * (n / 3);
+    work->factored_turn = next + n;
     if ((status = cn_matrix_new(&work->matrix, 1, bodies, first)) != CN_OK) goto fail;
     work->damping = *work->matrix;
     work->damping.value = NULL;
@@ -260,15 +266,46 @@ static cn_status allowed(const stepping *s, const double *x, double *dx, double 
     return CN_OK;
 }
 
+/* Frozen stiffness: an earlier factor serves while no element has turned by more than about 0.02 rad since
+ * and nothing but the body's own elasticity and inertia is in the matrix. A chain is refactored faster than
+ * it is iterated. */
+static bool factor_serves(const stepping *s)
+{
+    const cn_work *work = s->work;
+    const cn_switch refactor = work->model->scene->leave_out.refactor; /* ON: left out */
+    if (refactor == CN_OFF || !work->factored || work->factored_nfree != s->nfree ||
+        work->factored_dt != s->dt)
+        return false;
+    if (work->model->single ? refactor != CN_ON
+                            : refactor == CN_AUTO && cn_solver_kind(work->solver) != CN_LINEAR_CHOLESKY)
+        return false;
+    for (int i = 0; i < s->nfree; i++)
+        if (work->drive.weight[i] > 0) return false;
+    if (s->strict && cn_contact_least(work->contact) < work->body->contact->gap) return false;
+    for (int e = 0; e < work->body->body->ntet; e++) {
+        const double *p = work->factored_turn + 4 * e, *q = s->rotation + 4 * e;
+        if (!(fabs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]) > 1 - 5e-5)) return false;
+    }
+    return true;
+}
+
 /* dx = -H^-1 g; the exact tangent first, the projected one where that is not positive definite. */
-static cn_status newton_direction(const stepping *s, double *slope, cn_step_figures *figures)
+static cn_status newton_direction(const stepping *s, bool keep, double *slope, cn_step_figures *figures)
 {
     cn_work *work = s->work;
     const cn_scene *scene = work->model->scene;
     cn_status status = CN_ERR_SINGULAR;
-    for (int attempt = 0; attempt < 2; attempt++) {
-        if (attempt) evaluate(s, s->x, work->u, CN_TANGENT_PROJECTED);
-        status = cn_solver_factor(work->solver, work->matrix, s->nfree, work->body->fixed, work->pool);
+    for (int attempt = keep ? -1 : 0; attempt < 2; attempt++) {
+        if (attempt == 0 && keep) evaluate(s, s->x, work->u, CN_TANGENT_EXACT);
+        if (attempt == 1) evaluate(s, s->x, work->u, CN_TANGENT_PROJECTED);
+        if (attempt < 0) {
+            status = CN_OK, figures->kept++;
+        } else {
+            status = cn_solver_factor(work->solver, work->matrix, s->nfree, work->body->fixed, work->pool);
+            work->factored = status == CN_OK && cn_solver_kind(work->solver) != CN_LINEAR_CG;
+            work->factored_nfree = s->nfree, work->factored_dt = s->dt;
+            memcpy(work->factored_turn, s->rotation, 4 * (size_t)work->body->body->ntet * sizeof(double));
+        }
         if (status == CN_OK) {
             int iterations = 0;
             double residual = 0;
@@ -290,8 +327,8 @@ static cn_status newton_direction(const stepping *s, double *slope, cn_step_figu
             *slope = 0;
             for (int i = 0; i < 3 * s->nfree; i++)
                 *slope += work->gradient[i] * work->dx[i];
-            if (*slope < 0 || attempt) return isfinite(*slope) ? CN_OK : CN_ERR_NOT_FINITE;
-        } else if (status != CN_ERR_SINGULAR || attempt) {
+            if (*slope < 0 || attempt == 1) return isfinite(*slope) ? CN_OK : CN_ERR_NOT_FINITE;
+        } else if (status != CN_ERR_SINGULAR || attempt == 1) {
             return status;
         }
     }
@@ -304,7 +341,8 @@ static cn_status minimise(const stepping *s, cn_step_figures *figures)
     const cn_model *model = work->model;
     const double tolerance = model->scene->solver.tolerance;
     const int tangent = model->single ? CN_TANGENT_WARPED : CN_TANGENT_EXACT;
-    double energy = evaluate(s, s->x, work->u, tangent), slope = 0, fraction;
+    bool keep = factor_serves(s);
+    double energy = evaluate(s, s->x, work->u, keep ? -1 : tangent), slope = 0, fraction, before = INFINITY;
     cn_status status;
 
     for (figures->newton = 0;;) {
@@ -313,8 +351,14 @@ static cn_status minimise(const stepping *s, cn_step_figures *figures)
         if (figures->newton && residual <= fmax(tolerance * work->residual_scale, gradient_floor(s)))
             return CN_OK;
         if (figures->newton == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
-        if ((status = newton_direction(s, &slope, figures)) != CN_OK) return status;
+        if (keep && figures->newton && residual > 0.2 * before) { /* too stale to gain by */
+            keep = false;
+            energy = evaluate(s, s->x, work->u, tangent);
+        }
+        before = residual;
+        if ((status = newton_direction(s, keep, &slope, figures)) != CN_OK) return status;
         figures->newton++;
+        const int then = keep || figures->newton == model->newton ? -1 : tangent;
         if ((status = allowed(s, s->x, work->dx, &fraction)) != CN_OK) return status;
 
         /* Where the promised decrease is lost in the energy's round-off the gradient decides. */
@@ -327,11 +371,11 @@ static cn_status minimise(const stepping *s, cn_step_figures *figures)
             }
             memcpy(work->trial + 3 * s->nfree, s->x + 3 * s->nfree,
                    3 * (size_t)(s->nactive - s->nfree) * sizeof(double));
-            const double next = evaluate(s, work->trial, work->trial_u, half ? -1 : tangent);
+            const double next = evaluate(s, work->trial, work->trial_u, half ? -1 : then);
             const bool better =
                 lost ? norm_free(s, work->gradient) < residual : next <= energy + 1e-4 * fraction * slope;
             if (model->single || better) {
-                energy = half ? evaluate(s, work->trial, work->trial_u, tangent) : next;
+                energy = half && then >= 0 ? evaluate(s, work->trial, work->trial_u, then) : next;
                 break;
             }
             if (lost && half == 3) { /* converged as far as round-off lets it */
