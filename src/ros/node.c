@@ -93,7 +93,11 @@ static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cn_r
                 s->scene->name);
         goto refused;
     }
-    if (check_waypoints(request, s->world, &error) != CN_OK) goto refused;
+    if (request->nwaypoint < 2) { /* where they lie is cn_run's to judge */
+        cn_fail(&error, CN_ERR_ARG, "", 0, "%d waypoints: at least two are needed, the entry and a target",
+                request->nwaypoint);
+        goto refused;
+    }
     if (request->sampling[0]) {
         if (sampling_of(request->sampling, &sampling, &error) != CN_OK) goto refused;
         ask.sampling = &sampling;

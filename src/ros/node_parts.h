@@ -40,8 +40,8 @@ struct cn_node {
     cn_setting *setting;
 
     pthread_mutex_t lock;
-    stage *stage;      /* in force for plans without a scene of their own; NULL: none yet */
-    int checking;      /* meshes and scenes being checked */
+    stage *stage;       /* in force for plans without a scene of their own; NULL: none yet */
+    int checking;       /* meshes and scenes being checked */
     char refusal[1024]; /* why the last mesh or the scene was refused, "" when it was not */
     bool planning;
     int frames_sent, frames_dropped, frames_tick; /* frames_tick: sent up to the last tick */
@@ -77,7 +77,6 @@ void meshes_free(int n, cn_replacement *mesh);
 /* --- node_request.c: what a request may ask --- */
 /* The scene a request names: inside ~scene_dir, whatever links and dots say. */
 cn_status scene_inside(const cn_node *node, const char *scene, char path[PATH_MAX], cn_error *error);
-cn_status check_waypoints(const cn_ros_request *request, const cn_world *world, cn_error *error);
 cn_status sampling_of(const char *text, cn_sampling *sampling, cn_error *error);
 
 /* Limits that a request lays over the scene's for one plan: the device's go with the request, those of other

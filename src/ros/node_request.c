@@ -1,5 +1,4 @@
-/* node_request.c - what a request may ask: waypoints in the lumen, limits on what exists, scenes in their
- * folder. */
+/* node_request.c - what a request may ask: sampling, limits on what exists, a scene in its folder. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,25 +16,6 @@ cn_status scene_inside(const cn_node *node, const char *scene, char path[PATH_MA
     const size_t length = strlen(folder);
     if (strncmp(path, folder, length) || path[length] != '/')
         return cn_fail(error, CN_ERR_ARG, scene, 0, "scene '%s' lies outside %s", scene, node->scene_dir);
-    return CN_OK;
-}
-
-cn_status check_waypoints(const cn_ros_request *request, const cn_world *world, cn_error *error)
-{
-    if (request->nwaypoint < 2)
-        return cn_fail(error, CN_ERR_ARG, "", 0,
-                       "%d waypoints: at least two are needed, the entry and a target", request->nwaypoint);
-    for (int i = 0; i < request->nwaypoint; i++) {
-        const double *p = request->waypoint + 3 * i;
-        if (!isfinite(p[0]) || !isfinite(p[1]) || !isfinite(p[2]))
-            return cn_fail(error, CN_ERR_NOT_FINITE, "", 0, "waypoint %d is (%g, %g, %g): not a place", i,
-                           p[0], p[1], p[2]);
-        if (!cn_world_free_at(world, p))
-            return cn_fail(error, CN_ERR_ARG, "", 0,
-                           "waypoint %d at (%.6g, %.6g, %.6g) m lies outside the free space, %.3g m from the "
-                           "nearest wall",
-                           i, p[0], p[1], p[2], cn_world_distance(world, p, NULL, NULL, NULL));
-    }
     return CN_OK;
 }
 

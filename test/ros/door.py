@@ -136,7 +136,7 @@ class Door(unittest.TestCase):
                 ([ROUTE[0], (nan, 0, 0.05)], {}, 'waypoint 1'),
                 ([ROUTE[0], (0, inf, 0.05)], {}, 'waypoint 1'),
                 ([ROUTE[0], (0.02, 0, 0.05)], {}, 'waypoint 1'),
-                ([(0.02, 0, 0.01), ROUTE[1]], {}, 'waypoint 0'),
+                ([(0.02, 0, 0.01), ROUTE[1]], {}, 'entry'),
                 (route, {'sampling': 'guess'}, 'guess'),
                 (route, {'budget': nan}, 'budget'),
                 (route, {'budget': -1.0}, 'budget'),
@@ -191,7 +191,7 @@ class Door(unittest.TestCase):
         self.assertTrue(self.client.send(np.array(vertices) + [0.1, 0, 0], triangles))
         caller.join()
         self.expect(answers[0], Verdict.REACHED)
-        self.expect(self.client.plan(ROUTE), Verdict.BAD_INPUT, 'waypoint 0')
+        self.expect(self.client.plan(ROUTE), Verdict.BAD_INPUT, 'entry')
         moved = [(x + 0.1, y, z) for x, y, z in ROUTE]
         self.expect(self.client.plan(moved), Verdict.REACHED)
         self.assertTrue(self.client.send(*GOOD))
