@@ -60,6 +60,10 @@ void cn_world_free(cn_world *world);
  * radius, at most 0.25 mm for a vessel of the demo's size). At most `threads` threads; same result for any. */
 cn_status cn_world_map(cn_world *world, double device_radius, int threads, cn_error *error);
 
+/* Refuses a lumen whose median diameter is not 0.5 to 200 times the device's: a mesh in the wrong unit. CN_OK
+ * without vessels or map. */
+cn_status cn_world_fits(const cn_world *world, double diameter, cn_error *error);
+
 /* Exact tests against the triangles (not the map). */
 /* True when p is in the free space: inside the union of vessels (caps close open ends; beyond a cap lies the
  * corridor along its normal within its radius) and outside every closed obstacle. Robust: exact predicates. */

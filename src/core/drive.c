@@ -20,6 +20,16 @@ static double lookahead(const cn_model_body *body)
     return run > near ? run : near;
 }
 
+/* Arc length of the place nearest to x, beyond the path's end along its last tangent. */
+static double project(const cn_path *path, const double x[3], double low, double high)
+{
+    const double end = cn_path_length(path), s = cn_path_project(path, x, low, high);
+    double past[3];
+    if (s < end) return s;
+    cn_sub(x, path->x + 3 * (path->n - 1), past);
+    return end + fmax(0, cn_dot(past, path->tangent + 3 * (path->n - 1)));
+}
+
 /* Arc length at which the drive aims: the last waypoint, but no farther past the next one than its tolerance
  * allows while that is not reached. */
 static double aim(const cn_model_body *body, const cn_body_state *state, const cn_path *path)
@@ -55,6 +65,11 @@ static void prepare_each(const cn_model_body *body, const cn_body_state *state, 
     const double target = aim(body, state, path), margin = 2 * body->diameter + 2 * lookahead(body);
     const double speed = body->spec->drive.speed;
     const int group = body->catheter ? body->per_station : 1;
+    /* near a waypoint the leading end is steered as in a bend of 20 diameters, so that it meets its tolerance
+     */
+    const bool arriving =
+        body->diameter > 0 && state->waypoint < path->nwaypoint &&
+        fabs(path->s[path->waypoint[state->waypoint]] - state->s_goal) < 2 * lookahead(body);
     double s = state->s_goal, last = 0;
 
     for (int first = 0; first < state->nfree; first += group) {
@@ -63,13 +78,15 @@ static void prepare_each(const cn_model_body *body, const cn_body_state *state, 
         const double behind = body->behind[first];
         if (body->catheter) { /* each station has its own nearest place, near where the material says */
             s -= first ? behind - last : 0;
-            s = cn_path_project(path, state->x + 3 * first, s - margin, s + margin);
+            s = project(path, state->x + 3 * first, s - margin, s + margin);
             last = behind;
         } else {
             s = state->s_goal - behind;
         }
         cn_path_at(path, s, &place);
-        const double full = full_weight(body, place.curvature);
+        const bool leads = arriving && behind < 20 * body->diameter;
+        const double full =
+            full_weight(body, leads ? fmax(place.curvature, 0.05 / body->diameter) : place.curvature);
         const double share = goal_seeking(body, path, s, target - behind, state->x + 3 * first, to);
         for (int i = first; i < first + group && i < state->nfree; i++) {
             const double mass = body->body->mass[i];
@@ -184,7 +201,7 @@ void cn_drive_progress(const cn_model_body *body, cn_body_state *state, const cn
     const double *goal = state->x + 3 * body->goal_node;
     if (!path) return;
     const double near = 4 * lookahead(body);
-    state->s_goal = cn_path_project(path, goal, state->s_goal - near, state->s_goal + near);
+    state->s_goal = project(path, goal, state->s_goal - near, state->s_goal + near);
     while (state->waypoint < body->spec->nwaypoint) {
         const double *q = body->spec->waypoint + 3 * state->waypoint;
         const double miss = fabs(cn_distance(goal, q) - body->spec->drive.rest_length);

@@ -255,7 +255,7 @@ static void drive_on(cn_run_data *run)
 
     for (int b = 0; b < run->nbody; b++)
         if (run->body[b].path) cn_run_checkpoint(run, b);
-    cn_run_frame(run, run->state);
+    cn_run_frame(run, run->state, false);
     while (run->state->step < last) {
         cn_verdict broken;
         int broken_body = -1;
@@ -274,6 +274,7 @@ static void drive_on(cn_run_data *run)
                 numerics(run, b, status);
                 return;
             }
+            if (isinf(one.gap)) one.gap = cn_run_far_gap(run, b, run->trial);
             run->trial->step = run->state->step + 1, run->trial->time = run->state->time + run->model->dt;
             if (cn_run_limits(run, b, run->trial, &one, &broken)) broken_body = b;
             figures.newton = one.newton > figures.newton ? one.newton : figures.newton;
@@ -299,7 +300,7 @@ static void drive_on(cn_run_data *run)
         }
         for (int b = 0; b < run->nbody; b++)
             if (run->body[b].path) cn_run_checkpoint(run, b);
-        cn_run_frame(run, run->state);
+        cn_run_frame(run, run->state, false);
         if (run->visit && !run->visit(run->visitor, run)) return;
         const double now = cn_seconds();
         if (now - shown > 0.2) {
@@ -346,6 +347,7 @@ static void begin(cn_run_data *run, cn_world *world, const cn_request *request, 
 {
     *run = (cn_run_data){
         .world = world, .scene = world->scene, .request = request, .planner = planner, .hooks = hooks};
+    run->shown_step = -1;
     run->report = report, run->threads = threads > 0 ? threads : 1;
     cn_report_refused(report, world->scene, NULL);
     report->threads = run->threads;
@@ -373,6 +375,7 @@ cn_status cn_run_visited(cn_world *world, const cn_request *request, cn_planner 
         refuse(&run, status);
     else if (!bad_start(&run))
         drive_on(&run);
+    if (run.state && run.shown_step != run.state->step) cn_run_frame(&run, run.state, true);
     if (run.state) {
         cn_verdict *verdict = &report->verdict;
         if (verdict->step < 0) verdict->step = run.state->step, verdict->time = run.state->time;

@@ -113,32 +113,6 @@ cn_status cn_run_supported(cn_run_data *run)
     return CN_OK;
 }
 
-static int by_value(const void *p, const void *q)
-{
-    const double a = *(const double *)p, b = *(const double *)q;
-    return (a > b) - (a < b);
-}
-
-/* Device against lumen: a mesh in the wrong unit shows here, and only here. */
-static cn_status size_ratio(cn_run_data *run, const cn_body_spec *body)
-{
-    const double *x, *clearance;
-    const int n = cn_map_ridge(run->world->map, &x, &clearance);
-    if (n == 0 || run->world->nvessel == 0 || body->shape.kind != CN_SHAPE_CATHETER) return CN_OK;
-    double *sorted = malloc((size_t)n * sizeof *sorted);
-    if (!sorted) return CN_ERR_MEMORY;
-    memcpy(sorted, clearance, (size_t)n * sizeof *sorted);
-    qsort(sorted, (size_t)n, sizeof *sorted, by_value);
-    const double lumen = 2 * sorted[n / 2], ratio = lumen / body->shape.catheter.diameter;
-    free(sorted);
-    if (ratio >= 0.5 && ratio <= 200) return CN_OK;
-    return cn_fail(
-        &run->error, CN_ERR_SCENE, run->scene->path, 0,
-        "the lumen's median diameter is %g m and %s's is %g m: their ratio %.3g lies outside 0.5 to 200; "
-        "check the unit of the mesh (`scale`)",
-        lumen, body->name, body->shape.catheter.diameter, ratio);
-}
-
 /* Refuses a point that lies outside by more than `near`. `what` heads the sentence. */
 static cn_status must_be_free(cn_run_data *run, const double p[3], double near, const char *what)
 {
@@ -157,7 +131,9 @@ cn_status cn_run_places(cn_run_data *run)
     for (int b = 0; b < run->nbody; b++) {
         const cn_body_spec *body = &run->spec[b];
         const double near = body->shape.kind == CN_SHAPE_CATHETER ? 0.005 * body->shape.catheter.diameter : 0;
-        if ((status = size_ratio(run, body)) != CN_OK) return status;
+        if (body->shape.kind == CN_SHAPE_CATHETER &&
+            (status = cn_world_fits(run->world, body->shape.catheter.diameter, &run->error)) != CN_OK)
+            return status;
         if (body->shape.kind == CN_SHAPE_CATHETER && run->world->nvessel > 0 &&
             (status = must_be_free(run, body->shape.catheter.entry, body->shape.catheter.diameter,
                                    "the entry")) != CN_OK)

@@ -51,7 +51,8 @@ struct cn_run_data {
     cn_model *model;
     cn_state *state, *trial, *spare;
     cn_run_body *body;
-    long kept; /* Newton iterations that an earlier factor served */
+    int shown_step; /* of the last frame handed out, -1: none */
+    long kept;      /* Newton iterations that an earlier factor served */
     int nsample, sample_capacity;
     double *fem_ms, *collision_ms, *step_ms;
     cn_run_visit visit; /* NULL: nobody */
@@ -90,8 +91,11 @@ double cn_run_margin(const cn_run_data *run, const char **of);
 void cn_run_verdict(cn_run_data *run, cn_verdict_code code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double step_s);
-void cn_run_finish(cn_run_data *run); /* counts, times, bodies */
-void cn_run_frame(cn_run_data *run, const cn_state *state);
+void cn_run_finish(cn_run_data *run);                                    /* counts, times, bodies */
+void cn_run_frame(cn_run_data *run, const cn_state *state, bool wanted); /* wanted: without asking the hook */
+/* Least distance of a free node from the walls where no pair is near enough to be listed; INFINITY: no nearer
+ * than what the report already holds. */
+double cn_run_far_gap(const cn_run_data *run, int body, const cn_state *state);
 double cn_seconds(void);
 
 #endif

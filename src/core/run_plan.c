@@ -103,6 +103,19 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
 
     const double start = cn_seconds();
     status = cn_plan_path(&path, &query, run->planner, &roadmap, &run->error);
+    if (status == CN_OK && catheter &&
+        !directed) { /* a straight start: along the chord of the first stretch */
+        double *direction = spec->shape.catheter.direction;
+        cn_place ahead;
+        cn_path_at(path, fmin(10 * query.device_diameter, cn_path_length(path)), &ahead);
+        cn_sub(ahead.x, path->x, direction);
+        cn_normalise(direction);
+        query.direction = direction;
+        cn_path_free(path);
+        path = NULL;
+        cn_roadmap_clear(&roadmap);
+        status = cn_plan_path(&path, &query, run->planner, &roadmap, &run->error);
+    }
     run->report->time.planning_s += cn_seconds() - start;
     if (status == CN_OK) {
         if (!roadmap.reproducible) run->report->reproducible = false;
@@ -128,7 +141,6 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
     }
     cn_roadmap_clear(&body->roadmap);
     body->roadmap = roadmap;
-    if (catheter && !directed) cn_copy3(body->path->tangent, spec->shape.catheter.direction);
     run->report->path.length = cn_path_length(body->path);
     run->report->path.turn_max = body->path->turn_max;
     run->report->path.clearance_min = INFINITY;
@@ -177,6 +189,21 @@ static double parting(const cn_path *old, const cn_path *new, double near)
     return cn_path_length(old);
 }
 
+/* The ball at the goal's place on the path, with the clearance there. A break beside an earlier one doubles
+ * its ball: near-copies of a bad edge are not tried one by one. */
+static void add_refused(cn_run_data *run, cn_run_body *body, const double *goal, double diameter)
+{
+    cn_place here;
+    cn_path_at(body->path, cn_path_project(body->path, goal, 0, cn_path_length(body->path)), &here);
+    double radius = fmax(cn_world_distance(run->world, here.x, NULL, NULL, NULL), 0.5 * diameter);
+    for (int i = 0; i < body->nrefused; i++)
+        if (cn_distance(body->refused[i].centre, here.x) < 2 * body->refused[i].radius)
+            radius = fmax(radius, 2 * body->refused[i].radius);
+    cn_ball *ball = &body->refused[body->nrefused++];
+    cn_copy3(here.x, ball->centre);
+    ball->radius = radius;
+}
+
 cn_status cn_run_replan(cn_run_data *run, int b)
 {
     cn_run_body *body = &run->body[b];
@@ -191,10 +218,7 @@ cn_status cn_run_replan(cn_run_data *run, int b)
         if (!more) return CN_ERR_MEMORY;
         body->refused = more, body->refused_capacity = capacity;
     }
-    cn_ball *ball = &body->refused[body->nrefused++];
-    cn_copy3(goal, ball->centre);
-    ball->radius = fmax(cn_world_distance(run->world, goal, NULL, NULL, NULL), 0.5 * model->diameter);
-
+    add_refused(run, body, goal, model->diameter);
     if ((status = cn_path_copy(&old, body->path)) != CN_OK) return status;
     if ((status = cn_run_plan_body(run, b)) == CN_OK) {
         const double s = parting(old, body->path, fmax(model->diameter, 4 * cn_map_cell(run->world->map)));

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <time.h>
 #include "catnav/vec3.h"
+#include "tree.h"
 
 double cn_seconds(void)
 {
@@ -59,6 +60,20 @@ cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double
     report->contact.intersections += figures->findings.intersections;
     report->contact.outside_nodes += figures->findings.outside;
     return CN_OK;
+}
+
+double cn_run_far_gap(const cn_run_data *run, int b, const cn_state *state)
+{
+    double least = isfinite(run->report->contact.gap_min) ? run->report->contact.gap_min : INFINITY;
+    const double before = least;
+    for (int w = 0; w < run->world->nwall; w++)
+        for (int i = 0; i < state->body[b].nfree; i++) {
+            int tri;
+            double nearest[3];
+            least = fmin(least, cn_tree_nearest(run->world->wall[w].tree, state->body[b].x + 3 * i, least,
+                                                &tri, nearest));
+        }
+    return least < before ? least : INFINITY;
 }
 
 static void body_figures(cn_run_data *run, int b, cn_body_report *out)
@@ -170,12 +185,13 @@ void cn_run_finish(cn_run_data *run)
     report->memory_peak_bytes = cn_memory_peak();
 }
 
-void cn_run_frame(cn_run_data *run, const cn_state *state)
+void cn_run_frame(cn_run_data *run, const cn_state *state, bool wanted)
 {
     const cn_run_hooks *hooks = run->hooks;
     cn_frame frame = {.step = state->step, .time = state->time, .nbody = run->model->nbody};
-    if (!hooks || !hooks->frame || (hooks->wants_frame && !hooks->wants_frame(hooks->user, state->step)))
-        return;
+    if (!hooks || !hooks->frame) return;
+    if (!wanted && hooks->wants_frame && !hooks->wants_frame(hooks->user, state->step)) return;
+    run->shown_step = state->step;
     cn_frame_body *bodies = calloc((size_t)run->model->nbody, sizeof *bodies);
     if (!bodies) return; /* a frame less */
     for (int b = 0; b < run->model->nbody; b++) {

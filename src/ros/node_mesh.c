@@ -32,33 +32,6 @@ void stage_drop(cn_node *node, stage *s)
     if (last) stage_free(s);
 }
 
-static int by_value(const void *p, const void *q)
-{
-    const double a = *(const double *)p, b = *(const double *)q;
-    return (a > b) - (a < b);
-}
-
-/* A mesh in the wrong unit shows in its median lumen diameter over the device's. */
-static cn_status check_size(const cn_world *world, double diameter, cn_error *error)
-{
-    const double *x, *clearance;
-    const int n = cn_map_ridge(world->map, &x, &clearance);
-    double *sorted;
-
-    if (n == 0 || world->nvessel == 0) return CN_OK;
-    if (!(sorted = malloc((size_t)n * sizeof *sorted))) return CN_ERR_MEMORY;
-    memcpy(sorted, clearance, (size_t)n * sizeof *sorted);
-    qsort(sorted, (size_t)n, sizeof *sorted, by_value);
-    const double lumen = 2 * sorted[n / 2], ratio = lumen / diameter;
-    free(sorted);
-    if (ratio >= 0.5 && ratio <= 200) return CN_OK;
-    return cn_fail(
-        error, CN_ERR_MESH, "", 0,
-        "the lumen's median diameter is %.4g m, %.3g times the device's: expected 0.5 to 200; are the "
-        "vertices in metres?",
-        lumen, ratio);
-}
-
 cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmesh, const cn_replacement *mesh,
                     const char *frame, cn_error *error)
 {
@@ -74,7 +47,7 @@ cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmes
     if (s->scene->nbody > 0 && s->scene->body[0].shape.kind == CN_SHAPE_CATHETER) {
         const double diameter = s->scene->body[0].shape.catheter.diameter;
         if ((status = cn_world_map(s->world, diameter / 2, node->threads, error)) != CN_OK) goto fail;
-        if ((status = check_size(s->world, diameter, error)) != CN_OK) goto fail;
+        if ((status = cn_world_fits(s->world, diameter, error)) != CN_OK) goto fail;
         if ((status = cn_octree_attach(s->world, error)) != CN_OK) goto fail;
     }
     *out = s;
