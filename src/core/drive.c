@@ -39,17 +39,20 @@ static double aim(const cn_model_body *body, const cn_body_state *state, const c
     return state->s_goal > s + body->spec->waypoint_tolerance ? s : end;
 }
 
-/* Unit vector towards the milestone, a lookahead along the path, and the share of the full speed to go there
- * with: k (L - L_rest) over its value at the lookahead. */
+/* Unit vector from the place s on the path to the milestone a lookahead farther, and the share of the full
+ * speed to go there with: k (L - L_rest), L the way left along the path, over its value at the lookahead.
+ * Backwards when the target lies behind. */
 static double goal_seeking(const cn_model_body *body, const cn_path *path, double s, double target,
-                           const double *x, double to[3])
+                           double to[3])
 {
-    const double far = lookahead(body), left = fabs(target - s), ahead = left < far ? left : far;
-    cn_place place;
-    cn_path_at(path, target > s ? s + ahead : s - ahead, &place);
-    cn_sub(place.x, x, to);
-    const double stretch = cn_normalise(to) - body->spec->drive.rest_length;
-    return stretch < far ? stretch / far : 1;
+    const double far = lookahead(body), left = target - s, rest = body->spec->drive.rest_length;
+    cn_place here, ahead;
+    cn_path_at(path, s, &here);
+    cn_path_at(path, s + far, &ahead);
+    cn_sub(ahead.x, here.x, to);
+    cn_normalise(to);
+    const double stretch = left >= 0 ? fmax(left - rest, 0) : left;
+    return stretch > far ? 1 : stretch < -far ? -1 : stretch / far;
 }
 
 static double full_weight(const cn_model_body *body, double curvature)
@@ -87,7 +90,7 @@ static void prepare_each(const cn_model_body *body, const cn_body_state *state, 
         const bool leads = arriving && behind < 20 * body->diameter;
         const double full =
             full_weight(body, leads ? fmax(place.curvature, 0.05 / body->diameter) : place.curvature);
-        const double share = goal_seeking(body, path, s, target - behind, state->x + 3 * first, to);
+        const double share = goal_seeking(body, path, s, target - behind, to);
         for (int i = first; i < first + group && i < state->nfree; i++) {
             const double mass = body->body->mass[i];
             for (int k = 0; k < 3; k++) {
@@ -113,7 +116,7 @@ static void prepare_uniform(const cn_model_body *body, const cn_body_state *stat
     cn_place place;
     double a[3], to[3], away[3];
     cn_path_at(path, state->s_goal, &place);
-    const double share = goal_seeking(body, path, state->s_goal, aim(body, state, path), x, to);
+    const double share = goal_seeking(body, path, state->s_goal, aim(body, state, path), to);
     for (int k = 0; k < 3; k++) /* half the difference to the wished speed in a step */
         a[k] = 0.5 / body->tick * (share * body->spec->drive.speed * to[k] - v[k]);
     cn_sub(x, place.x, away);
