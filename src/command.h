@@ -14,7 +14,7 @@ typedef struct {
     const char *name, *summary, *help;
     int (*run)(int argc, char **argv);
 } command_t;
-extern const command_t command_run, command_plan, command_check;
+extern const command_t command_run, command_plan, command_check, command_study;
 
 typedef enum { OPTION_FLAG, OPTION_TEXT, OPTION_COUNT, OPTION_POSITIVE, OPTION_SETTING } option_type;
 typedef struct {

@@ -8,7 +8,7 @@
 #define CATNAV_VERSION "unknown"
 #endif
 
-static const command_t *const commands[] = {&command_run, &command_plan, &command_check};
+static const command_t *const commands[] = {&command_run, &command_plan, &command_check, &command_study};
 #define NCOMMAND (sizeof commands / sizeof *commands)
 
 static const char page[] =
@@ -18,6 +18,7 @@ static const char page[] =
     "    catnav run SCENE.yaml [options]\n"
     "    catnav plan SCENE.yaml --out PATH.csv [options]\n"
     "    catnav check MESH [options]\n"
+    "    catnav study STUDY SCENE.yaml [options]\n"
     "    catnav --version | --help | help COMMAND\n\n"
     "DESCRIPTION\n"
     "    A scene file names the vessels, the device and the target; launch/scenes/all_keys.yaml explains "
@@ -62,7 +63,7 @@ static bool is_help(const char *word)
 int main(int argc, char **argv)
 {
     if (argc < 2) {
-        fputs("catnav: a command is needed: run, plan or check; see catnav --help\n", stderr);
+        fputs("catnav: a command is needed: run, plan, check or study; see catnav --help\n", stderr);
         return COMMAND_REFUSED;
     }
     if (!strcmp(argv[1], "--version")) {

@@ -1,0 +1,241 @@
+/* run_study.c - the paper's method against the scene's own, from states of the scene's own run. */
+#include "catnav/study.h"
+#include "run_parts.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include "catnav/vec3.h"
+
+static const double fractions[CN_STUDY_STATES] = {0.25, 0.5, 0.9};
+enum { TURN = 10 }; /* steps of one method before the other's */
+
+/* Samples of a step, in the order of the spreads in `add_up`. */
+enum { STEP_MS, FEM_MS, COLLISION_MS, RESIDUAL, LINEAR, NEWTON, NSAMPLE };
+
+/* One method on its way from a state: a run of its own, which shares specs, paths and threads with the run
+ * it came from. */
+typedef struct {
+    cn_scene scene;
+    cn_run_data run;
+    cn_report report;
+    double sample[NSAMPLE][CN_STUDY_STEPS];
+} walk;
+
+typedef struct {
+    const cn_study_hooks *hooks;
+    cn_study *study;
+    int mark[CN_STUDY_STATES]; /* accepted steps */
+    const char *pass;
+    cn_status status;
+    cn_error error;
+} studying;
+
+static void say(const cn_study_hooks *hooks, const char *what)
+{
+    if (hooks && hooks->progress) hooks->progress(hooks->user, what);
+}
+
+static bool cancelled(const cn_study_hooks *hooks)
+{
+    return hooks && hooks->cancel && *hooks->cancel;
+}
+
+const char *cn_study_method_name(int method)
+{
+    return method == CN_STUDY_OWN ? "own" : method == CN_STUDY_PAPER ? "paper" : "unknown";
+}
+
+static void walk_free(walk *w)
+{
+    if (!w) return;
+    for (int b = 0; w->run.body && b < w->run.nbody; b++)
+        cn_work_free(w->run.body[b].work);
+    free(w->run.body);
+    cn_state_free(w->run.state), cn_state_free(w->run.trial), cn_state_free(w->run.spare);
+    cn_model_free(w->run.model);
+    free(w);
+}
+
+static cn_status walk_new(walk **out, const cn_run_data *from, cn_study_method method, cn_error *error)
+{
+    walk *w = calloc(1, sizeof *w);
+    cn_status status = CN_ERR_MEMORY;
+    *out = w;
+    if (!w) return status;
+    cn_run_data *run = &w->run;
+    *run = (cn_run_data){.world = from->world,
+                         .scene = &w->scene,
+                         .report = &w->report,
+                         .threads = from->threads,
+                         .pool = from->pool,
+                         .nbody = from->nbody,
+                         .spec = from->spec};
+    w->scene = *from->scene;
+    if (method == CN_STUDY_PAPER) {
+        w->scene.contact.method = CN_CONTACT_PROJECT;
+        w->scene.solver.newton = 1;
+        w->scene.solver.linear = CN_LINEAR_CG;
+        w->scene.solver.linear_tolerance = 1e-4;
+    }
+    if (!(run->body = calloc((size_t)run->nbody + 1, sizeof *run->body))) return status;
+    if ((status = cn_model_new(&run->model, &w->scene, run->world, run->nbody, run->spec, error)) != CN_OK ||
+        (status = cn_state_new(&run->state, run->model)) != CN_OK ||
+        (status = cn_state_new(&run->trial, run->model)) != CN_OK ||
+        (status = cn_state_new(&run->spare, run->model)) != CN_OK)
+        return status;
+    for (int b = 0; b < run->nbody; b++) {
+        run->body[b].path = from->body[b].path;
+        if ((status = cn_work_new(&run->body[b].work, run->model, b, run->pool, error)) != CN_OK)
+            return status;
+    }
+    cn_state_copy(run->state, from->state);
+    return CN_OK;
+}
+
+static cn_status walk_step(walk *w, cn_study_row *row)
+{
+    cn_run_data *run = &w->run;
+    double sample[NSAMPLE] = {0};
+    const double start = cn_seconds();
+    cn_state_copy(run->trial, run->state);
+    for (int b = 0; b < run->nbody; b++) {
+        cn_step_figures one;
+        const cn_status status = cn_run_advance(run, b, &one);
+        if (status != CN_OK) return status;
+        sample[FEM_MS] += 1e3 * one.fem_s, sample[COLLISION_MS] += 1e3 * one.collision_s;
+        sample[RESIDUAL] = fmax(sample[RESIDUAL], one.residual);
+        sample[LINEAR] = fmax(sample[LINEAR], one.linear);
+        sample[NEWTON] = fmax(sample[NEWTON], one.newton);
+        row->unconverged += one.unconverged;
+        row->linear_residual = fmax(row->linear_residual, one.linear_residual);
+        row->intersections += one.findings.intersections;
+        row->outside_nodes += one.findings.outside;
+    }
+    run->trial->step = run->state->step + 1, run->trial->time = run->state->time + run->model->dt;
+    cn_state *accepted = run->trial;
+    run->trial = run->state, run->state = accepted;
+    sample[STEP_MS] = 1e3 * (cn_seconds() - start);
+    for (int i = 0; i < NSAMPLE; i++)
+        w->sample[i][row->steps] = sample[i];
+    row->steps++;
+    return CN_OK;
+}
+
+/* Farthest distance between two walks' tips: the end of a catheter, else the goal node. */
+static double tips_apart(const walk *a, const walk *b)
+{
+    double apart = 0;
+    for (int i = 0; i < a->run.nbody; i++) {
+        const cn_model_body *body = &a->run.model->body[i];
+        const size_t tip = body->catheter ? 0 : 3 * (size_t)body->goal_node;
+        apart = fmax(apart, cn_distance(a->run.state->body[i].x + tip, b->run.state->body[i].x + tip));
+    }
+    return apart;
+}
+
+static void add_up(cn_study_row *row, walk *w)
+{
+    cn_spread *const spread[NSAMPLE] = {&row->step_ms,  &row->fem_ms, &row->collision_ms,
+                                        &row->residual, &row->linear, &row->newton};
+    for (int i = 0; i < NSAMPLE; i++)
+        *spread[i] = cn_spread_of(row->steps, w->sample[i]);
+    row->rejected = w->report.rejected_steps;
+}
+
+/* All steps of both methods from the run's state. A method that fails ends; that is a result. */
+static cn_status compare(const studying *s, const cn_run_data *run, cn_study_state *out, cn_error *error)
+{
+    walk *w[CN_STUDY_METHODS] = {NULL};
+    cn_status status = CN_OK;
+    for (int m = 0; status == CN_OK && m < CN_STUDY_METHODS; m++)
+        status = walk_new(&w[m], run, m, error);
+    for (int i = 0; status == CN_OK && i < CN_STUDY_STEPS; i += TURN)
+        for (int m = 0; status == CN_OK && m < CN_STUDY_METHODS; m++) {
+            cn_study_row *row = &out->row[m];
+            char what[96];
+            snprintf(what, sizeof what, "%d steps from %.0f %% of the run: %s %d", CN_STUDY_STEPS,
+                     100 * out->fraction, cn_study_method_name(m), i);
+            say(s->hooks, what);
+            for (int j = 0; j < TURN && row->failure == CN_OK && status == CN_OK; j++) {
+                row->failure = walk_step(w[m], row);
+                if (row->failure == CN_ERR_MEMORY) status = CN_ERR_MEMORY;
+                if (cancelled(s->hooks)) status = CN_ERR_CANCELLED;
+            }
+        }
+    const cn_study_row *own = &out->row[CN_STUDY_OWN];
+    for (int m = 0; status == CN_OK && m < CN_STUDY_METHODS; m++) {
+        cn_study_row *row = &out->row[m];
+        add_up(row, w[m]);
+        row->ratio = row->step_ms.median / own->step_ms.median;
+        const bool ended = row->failure == CN_OK && own->failure == CN_OK;
+        row->tip_apart = ended ? tips_apart(w[m], w[CN_STUDY_OWN]) : NAN;
+    }
+    for (int m = 0; m < CN_STUDY_METHODS; m++)
+        walk_free(w[m]);
+    return status;
+}
+
+static bool visit(void *user, cn_run_data *run)
+{
+    studying *s = user;
+    cn_study *study = s->study;
+    while (study->nstate < CN_STUDY_STATES && run->report->steps == s->mark[study->nstate]) {
+        cn_study_state *out = &study->state[study->nstate];
+        *out = (cn_study_state){
+            .fraction = fractions[study->nstate], .step = run->report->steps, .time = run->state->time};
+        for (int b = 0; b < run->nbody; b++)
+            out->free_nodes += run->state->body[b].nfree;
+        if ((s->status = compare(s, run, out, &s->error)) != CN_OK) return false;
+        study->nstate++;
+    }
+    return study->nstate < CN_STUDY_STATES;
+}
+
+static void tell_run(void *user, const cn_progress *p)
+{
+    const studying *s = user;
+    char what[96];
+    if (p->stage == CN_STAGE_MOTION)
+        snprintf(what, sizeof what, "%s: step %d, %.2f s simulated", s->pass, p->step, p->time);
+    else
+        snprintf(what, sizeof what, "%s: preparing", s->pass);
+    say(s->hooks, what);
+}
+
+cn_status cn_study_paper(cn_world *world, cn_planner planner, int threads, const cn_study_hooks *hooks,
+                         cn_study *study, cn_error *error)
+{
+    if (!world || !study)
+        return cn_fail(error, CN_ERR_ARG, NULL, 0, "cn_study_paper needs a world and a study");
+    studying s = {.hooks = hooks, .study = study, .pass = "the run"};
+    const cn_run_hooks run_hooks = {.user = &s, .progress = tell_run, .cancel = hooks ? hooks->cancel : NULL};
+    cn_report again;
+    memset(study, 0, sizeof *study);
+    cn_status status = cn_run(world, NULL, planner, threads, &run_hooks, &study->run, error);
+    if (status != CN_OK || study->run.steps == 0 || study->run.verdict.code == CN_VERDICT_CANCELLED)
+        return status;
+    for (int i = 0; i < CN_STUDY_STATES; i++)
+        s.mark[i] = (int)fmax(1, round(fractions[i] * study->run.steps));
+    s.pass = "the run again";
+    status = cn_run_visited(world, NULL, planner, threads, &run_hooks, visit, &s, &again, error);
+    cn_report_clear(&again);
+    if (status != CN_OK) return status;
+    if (s.status != CN_OK) {
+        if (error) *error = s.error;
+        return cn_fail(error, s.status, NULL, 0, "%s", cn_status_text(s.status));
+    }
+    if (study->nstate < CN_STUDY_STATES)
+        return cancelled(hooks) ? cn_fail(error, CN_ERR_CANCELLED, NULL, 0, "cancelled")
+                                : cn_fail(error, CN_ERR_CONVERGENCE, NULL, 0,
+                                          "the run did not repeat itself: it met %d of its %d states",
+                                          study->nstate, CN_STUDY_STATES);
+    return CN_OK;
+}
+
+void cn_study_clear(cn_study *study)
+{
+    cn_report_clear(&study->run);
+    memset(study, 0, sizeof *study);
+}
