@@ -30,6 +30,7 @@ struct cn_work {
     double *moved, *damped;             /* of damping_stiffness */
     double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
     double collision_s;
+    double added;          /* inertia that last made the exact tangent positive definite, over M/dt^2 */
     bool factored;         /* the solver holds a factor of an earlier iteration, made ... */
     int factored_nfree;    /* ... with this many free nodes */
     double factored_dt;    /* ... and this step */
@@ -289,50 +290,77 @@ static bool factor_serves(const stepping *s)
     return true;
 }
 
-/* dx = -H^-1 g; the exact tangent first, the projected one where that is not positive definite. */
+static cn_status factor(const stepping *s)
+{
+    cn_work *work = s->work;
+    const cn_status status =
+        cn_solver_factor(work->solver, work->matrix, s->nfree, work->body->fixed, work->pool);
+    work->factored = status == CN_OK && cn_solver_kind(work->solver) != CN_LINEAR_CG;
+    work->factored_nfree = s->nfree, work->factored_dt = s->dt;
+    memcpy(work->factored_turn, s->rotation, 4 * (size_t)work->body->body->ntet * sizeof(double));
+    return status;
+}
+
+/* dx = - H^-1 g with the factor at hand, and its slope g . dx. */
+static cn_status solve(const stepping *s, double *slope, cn_step_figures *figures)
+{
+    cn_work *work = s->work;
+    const double tolerance = work->model->scene->solver.linear_tolerance;
+    int iterations = 0;
+    double residual = 0;
+    for (int i = 0; i < 3 * s->nfree; i++)
+        work->trial[i] = -work->gradient[i], work->dx[i] = 0;
+    cn_status status = cn_solver_solve(work->solver, work->trial, work->dx, tolerance, 1000, &iterations,
+                                       &residual, work->pool);
+    if (iterations > figures->linear) figures->linear = iterations;
+    if (status == CN_ERR_CONVERGENCE) {
+        CN_LOG(CN_LOG_WARNING, "linear solver not converged: relative residual %.2e after %d iterations",
+               residual, iterations);
+        figures->unconverged++;
+        figures->linear_residual = fmax(figures->linear_residual, residual);
+        status = CN_OK;
+    }
+    *slope = 0;
+    for (int i = 0; i < 3 * s->nfree; i++)
+        *slope += work->gradient[i] * work->dx[i];
+    return status == CN_OK && !isfinite(*slope) ? CN_ERR_NOT_FINITE : status;
+}
+
+/* Adds share * M/dt^2 to the matrix. */
+static void stiffen(const stepping *s, double share)
+{
+    cn_matrix *a = s->work->matrix;
+    for (int i = 0; i < s->nfree; i++)
+        for (int k = 0; k < 3; k++)
+            a->value[9 * (size_t)a->diagonal[i] + 4 * (size_t)k] +=
+                share * s->work->body->body->mass[i] / (s->dt * s->dt);
+}
+
+/* A direction of descent: by an earlier factor (keep), the exact tangent, the exact tangent with ever more
+ * inertia where it is not positive definite (a body about to snap), at last the projected one. */
 static cn_status newton_direction(const stepping *s, bool keep, double *slope, cn_step_figures *figures)
 {
     cn_work *work = s->work;
-    const cn_scene *scene = work->model->scene;
-    cn_status status = CN_ERR_SINGULAR;
-    for (int attempt = keep ? -1 : 0; attempt < 2; attempt++) {
-        if (attempt == 0 && keep) evaluate(s, s->x, work->u, CN_TANGENT_EXACT);
-        if (attempt == 1) evaluate(s, s->x, work->u, CN_TANGENT_PROJECTED);
-        if (attempt < 0) {
-            status = CN_OK, figures->kept++;
-        } else {
-            status = cn_solver_factor(work->solver, work->matrix, s->nfree, work->body->fixed, work->pool);
-            work->factored = status == CN_OK && cn_solver_kind(work->solver) != CN_LINEAR_CG;
-            work->factored_nfree = s->nfree, work->factored_dt = s->dt;
-            memcpy(work->factored_turn, s->rotation, 4 * (size_t)work->body->body->ntet * sizeof(double));
-        }
-        if (status == CN_OK) {
-            int iterations = 0;
-            double residual = 0;
-            for (int i = 0; i < 3 * s->nfree; i++)
-                work->trial[i] = -work->gradient[i], work->dx[i] = 0;
-            status = cn_solver_solve(work->solver, work->trial, work->dx, scene->solver.linear_tolerance,
-                                     1000, &iterations, &residual, work->pool);
-            if (iterations > figures->linear) figures->linear = iterations;
-            if (status == CN_ERR_CONVERGENCE) {
-                CN_LOG(CN_LOG_WARNING,
-                       "linear solver not converged: relative residual %.2e after %d iterations", residual,
-                       iterations);
-                figures->unconverged++;
-                figures->linear_residual = fmax(figures->linear_residual, residual);
-                status = CN_OK;
-            }
-        }
-        if (status == CN_OK) {
-            *slope = 0;
-            for (int i = 0; i < 3 * s->nfree; i++)
-                *slope += work->gradient[i] * work->dx[i];
-            if (*slope < 0 || attempt == 1) return isfinite(*slope) ? CN_OK : CN_ERR_NOT_FINITE;
-        } else if (status != CN_ERR_SINGULAR || attempt == 1) {
-            return status;
-        }
+    cn_status status;
+    if (keep) {
+        figures->kept++;
+        if ((status = solve(s, slope, figures)) != CN_OK || *slope < 0) return status;
+        evaluate(s, s->x, work->u, CN_TANGENT_EXACT);
     }
-    return status;
+    double added = 0;
+    for (int attempt = 0; attempt < 6; attempt++) {
+        if ((status = factor(s)) == CN_OK && (status = solve(s, slope, figures)) == CN_OK && *slope < 0) {
+            work->added = added / 10;
+            return CN_OK;
+        }
+        if (status != CN_OK && status != CN_ERR_SINGULAR) return status;
+        const double more = fmax(10 * added, fmax(10, work->added));
+        stiffen(s, more - added);
+        added = more;
+    }
+    evaluate(s, s->x, work->u, CN_TANGENT_PROJECTED);
+    status = factor(s);
+    return status == CN_OK ? solve(s, slope, figures) : status;
 }
 
 static cn_status minimise(const stepping *s, cn_step_figures *figures)
@@ -433,7 +461,7 @@ cn_status cn_step(const cn_model *model, int ibody, const cn_state *state, cn_st
     *figures = (cn_step_figures){.gap = INFINITY};
     cn_state_copy_body(to, from, body);
     setup(&s, model, ibody, from, to, path, tick, dt, work);
-    work->collision_s = 0;
+    work->collision_s = 0, work->added = 0;
     cn_sheath_advance(body, to, work->drive.advance, dt);
 
     /* begin where the velocity leads, as far as contact lets it */
