@@ -1,12 +1,13 @@
 /* drive.c - the follow drive: path-following and goal-seeking forces (Moss, Lin, Manocha 2008, section 4.2).
  *
  * All forces are accelerations times nodal mass, so that refining a mesh does not change their sum. Gains
- * come from the scene's own scales. Full weight w: speed / dt (turns the drive's own speed round in one step)
- * plus, for a beam, the lateral load EI kappa / l^2 per length (EI as the mesh has it) that bends it to the
- * path's curvature kappa within l = 5 diameters. path following  zero up to path_distance, linear to w at
- * twice that. goal seeking    w (share - v / speed) towards the milestone a lookahead along the path; share
- * is the spring k (L - L_rest) over its value at the lookahead, v / speed its damping: full force on a body
- *                   that is stopped, none on one that runs at the drive's speed. */
+ * come from the scene's own scales. Full weight w: speed / dt, which turns the drive's own speed round in one
+ * step, and for a beam the geometric mean of two accelerations: EI kappa / (mass per length d^2), which bends
+ * the device (as stiff as its mesh has it) to the path's curvature kappa within a diameter, and lookahead /
+ * dt^2, which makes a lookahead in a step. So a stiffer device is driven harder, but not in proportion: it
+ * leans on the wall more. path following  zero up to path_distance, linear to w at twice that. goal seeking
+ * w (share - v / speed) along the path; share is the spring k (L - L_rest) over its value at the lookahead, v
+ * / speed its damping: full force on a body that is stopped, none on one that runs at the drive's speed. */
 #include "sim.h"
 
 #include <math.h>
@@ -57,9 +58,9 @@ static double goal_seeking(const cn_model_body *body, const cn_path *path, doubl
 
 static double full_weight(const cn_model_body *body, double curvature)
 {
-    const double reach = 5 * body->diameter;
-    const double bend = body->bending > 0 ? body->bending * curvature / (reach * reach) : 0;
-    return body->spec->drive.speed / body->tick + bend;
+    const double bend =
+        body->diameter > 0 ? body->bending * curvature / (body->diameter * body->diameter) : 0;
+    return body->spec->drive.speed / body->tick + sqrt(bend * lookahead(body)) / body->tick;
 }
 
 static void prepare_each(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
@@ -145,7 +146,8 @@ void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, con
     else
         prepare_uniform(body, state, path, drive);
     if (body->sheath) { /* the base runs at the drive's speed, slower over the last stretch */
-        const double left = aim(body, state, path) - state->s_goal, far = lookahead(body);
+        const double ahead = aim(body, state, path) - state->s_goal, far = lookahead(body);
+        const double left = ahead >= 0 ? fmax(ahead - body->spec->drive.rest_length, 0) : ahead;
         const double share = left > far ? 1 : left < -far ? -1 : left / far;
         drive->advance = share * body->spec->drive.speed * dt;
         if (state->inserted + drive->advance < 0) drive->advance = -state->inserted;
