@@ -10,9 +10,10 @@ extern "C" {
 #endif
 
 typedef struct cn_frames cn_frames;
-/* Makes the folder if need be. Pieces are written by temporary name and rename; frames.pvd at close (and is
- * valid after every frame). */
+/* Makes the folder if need be. Pieces are written by temporary name and rename; frames.pvd is valid after every frame. */
 cn_status cn_frames_open(cn_frames **out, const char *folder, cn_error *error);
+/* A step that is not beyond the last one written replaces the frames of that step and all later ones: the
+ * index lists increasing steps of the branch that was taken. */
 cn_status cn_frames_write(cn_frames *frames, const cn_frame *frame, cn_error *error);
 cn_status cn_frames_close(cn_frames *frames, cn_error *error); /* frees */
 /* A surface as .vtp (walls, shown organs), a path as .vtp polyline with its clearance [m]. */

@@ -1,11 +1,13 @@
 /* frames.pvd with its pieces. The index is opened once; each frame is put before its tail by one write, so
- * that the file is whole at any time. */
+ * that the file is whole at any time. A frame whose step is not beyond the last one (a run that went back, or
+ * its last frame again) replaces the index by a shorter one. */
 #include "catnav/frames.h"
 #include "frames_vtk.h"
 #include "output.h"
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,9 +15,11 @@
 #include <unistd.h>
 
 struct cn_frames {
-    char *folder;
+    char *folder, *index;
+    int dir;   /* descriptor of the folder */
     int pvd;   /* descriptor of frames.pvd */
     off_t end; /* where its tail begins */
+    int last;  /* largest step in the index, -1: none */
 };
 
 static const char head[] = "<?xml version=\"1.0\"?>\n"
@@ -69,38 +73,120 @@ static cn_status write_all(int descriptor, const char *text, size_t length, off_
     return CN_OK;
 }
 
+static cn_status open_folder(cn_frames *frames, cn_error *error)
+{
+    if ((frames->dir = open(frames->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC)) < 0)
+        return cn_fail(error, CN_ERR_FILE, frames->folder, 0, "the folder cannot be opened: %s",
+                       strerror(errno));
+    return CN_OK;
+}
+
+/* --- the index as text --- */
+/* The file's text; *text is NULL where there is no file, or none with the head of ours. */
+static cn_status read_index(const char *path, char **text, cn_error *error)
+{
+    struct stat info;
+    cn_status status = CN_OK;
+    FILE *file = fopen(path, "rb");
+    *text = NULL;
+    if (!file) return CN_OK;
+    if (fstat(fileno(file), &info) == 0 && S_ISREG(info.st_mode)) {
+        if ((*text = malloc((size_t)info.st_size + 1)))
+            (*text)[fread(*text, 1, (size_t)info.st_size, file)] = 0;
+        else
+            status = out_of_memory(error, path);
+    }
+    fclose(file);
+    if (*text && strncmp(*text, head, strlen(head))) {
+        free(*text);
+        *text = NULL;
+    }
+    return status;
+}
+
+/* The piece that the line names, and its step; false where it is not as we write them: a plain name without
+ * folders, NAME_STEP.vtu. */
+static bool parse_line(const char *line, size_t size, char *name, int *step)
+{
+    const char *end = strchr(line, '\n'), *from = strstr(line, " file=\"");
+    if (strncmp(line, "<DataSet timestep=\"", 19) || !end || !from || from > end) return false;
+    from += strlen(" file=\"");
+    const size_t n = strspn(from, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.");
+    if (n + 1 > size || *from == '.' || strncmp(from + n, "\"/>\n", 4)) return false;
+    memcpy(name, from, n);
+    name[n] = 0;
+    const char *number = strrchr(name, '_');
+    if (!number) return false;
+    const size_t digits = strspn(++number, "0123456789");
+    if (digits < 1 || digits > 10 || strcmp(number + digits, ".vtu")) return false;
+    const long long value = strtoll(number, NULL, 10);
+    *step = value > INT_MAX ? INT_MAX : (int)value;
+    return true;
+}
+
+/* Where the first piece with this step or a later one is named, or the tail begins. */
+static char *first_from(char *text, int step)
+{
+    char name[96], *line = text + strlen(head);
+    int found;
+    while (parse_line(line, sizeof name, name, &found) && found < step)
+        line = strchr(line, '\n') + 1;
+    return line;
+}
+
+/* Deletes the pieces named from `line` on, but those that `kept` names too. */
+static void remove_pieces(const cn_frames *frames, const char *line, const char *kept)
+{
+    char name[96], words[112];
+    int step;
+    struct stat info;
+    for (; parse_line(line, sizeof name, name, &step); line = strchr(line, '\n') + 1) {
+        snprintf(words, sizeof words, "file=\"%s\"", name);
+        if (!strstr(kept, words) && !fstatat(frames->dir, name, &info, AT_SYMLINK_NOFOLLOW) &&
+            S_ISREG(info.st_mode))
+            unlinkat(frames->dir, name, 0);
+    }
+}
+
+/* The index anew, by temporary name and rename: `length` bytes of `text`, `entries`, the tail. */
+static cn_status replace_index(cn_frames *frames, const char *text, size_t length, const char *entries,
+                               cn_error *error)
+{
+    cn_output index;
+    cn_status status = cn_output_open(&index, frames->index, error);
+    if (status != CN_OK) return status;
+    fwrite(text, 1, length, index.file);
+    fprintf(index.file, "%s%s", entries, tail);
+    if ((status = cn_output_commit(&index, error)) != CN_OK) return status;
+    if (frames->pvd >= 0) close(frames->pvd);
+    if ((frames->pvd = open(frames->index, O_WRONLY | O_CLOEXEC)) < 0)
+        return cn_fail(error, CN_ERR_FILE, frames->index, 0, "cannot be written: %s", strerror(errno));
+    frames->end = (off_t)(length + strlen(entries));
+    return CN_OK;
+}
+
 cn_status cn_frames_open(cn_frames **out, const char *folder, cn_error *error)
 {
-    char *path = NULL;
-    cn_output index;
     cn_status status;
     cn_frames *frames = calloc(1, sizeof *frames);
 
     *out = NULL;
     if (!frames) return out_of_memory(error, folder);
-    frames->pvd = -1;
+    frames->pvd = frames->dir = frames->last = -1;
     if (!*folder) {
         status = cn_fail(error, CN_ERR_FILE, "", 0, "the frames' folder has no name");
         goto fail;
     }
-    if (!(frames->folder = strdup(folder)) || !(path = join(folder, "frames.pvd"))) {
+    if (!(frames->folder = strdup(folder)) || !(frames->index = join(folder, "frames.pvd"))) {
         status = out_of_memory(error, folder);
         goto fail;
     }
     if ((status = make_folder(frames->folder, error)) != CN_OK) goto fail;
-    if ((status = cn_output_open(&index, path, error)) != CN_OK) goto fail;
-    fprintf(index.file, "%s%s", head, tail);
-    if ((status = cn_output_commit(&index, error)) != CN_OK) goto fail;
-    if ((frames->pvd = open(path, O_WRONLY | O_CLOEXEC)) < 0) {
-        status = cn_fail(error, CN_ERR_FILE, path, 0, "cannot be written: %s", strerror(errno));
-        goto fail;
-    }
-    frames->end = (off_t)strlen(head);
-    free(path);
+    if ((status = open_folder(frames, error)) != CN_OK) goto fail;
+    if ((status = replace_index(frames, head, strlen(head), "", error)) != CN_OK) goto fail;
     *out = frames;
     return CN_OK;
 fail:
-    free(path);
     cn_frames_close(frames, NULL);
     return status;
 }
@@ -112,7 +198,9 @@ cn_status cn_frames_close(cn_frames *frames, cn_error *error)
     if (frames->pvd >= 0 && close(frames->pvd))
         status = cn_fail(error, CN_ERR_FILE, frames->folder, 0, "frames.pvd cannot be closed: %s",
                          strerror(errno));
+    if (frames->dir >= 0) close(frames->dir);
     free(frames->folder);
+    free(frames->index);
     free(frames);
     return status;
 }
@@ -147,6 +235,22 @@ static void piece_name(const cn_frame *frame, int ibody, size_t size, char *out)
         snprintf(out, size, "%s_%d.vtu", own, frame->step);
 }
 
+/* The frame of `step` is written, its entries are not: they take the place of those of this step and later
+ * ones, whose pieces belong to a branch that was not taken. */
+static cn_status go_back(cn_frames *frames, int step, const char *entries, cn_error *error)
+{
+    char *text;
+    cn_status status = read_index(frames->index, &text, error);
+    if (status != CN_OK) return status;
+    if (!text)
+        return cn_fail(error, CN_ERR_FILE, frames->index, 0, "cannot be read back, or is no index of frames");
+    const char *from = first_from(text, step);
+    status = replace_index(frames, text, (size_t)(from - text), entries, error);
+    if (status == CN_OK) remove_pieces(frames, from, entries);
+    free(text);
+    return status;
+}
+
 cn_status cn_frames_write(cn_frames *frames, const cn_frame *frame, cn_error *error)
 {
     const size_t most = 256 * (size_t)frame->nbody + sizeof tail;
@@ -155,6 +259,7 @@ cn_status cn_frames_write(cn_frames *frames, const cn_frame *frame, cn_error *er
     size_t length = 0;
 
     if (!entries) return out_of_memory(error, frames->folder);
+    *entries = 0;
     if (!isfinite(frame->time))
         status =
             cn_fail(error, CN_ERR_NOT_FINITE, frames->folder, 0, "frame %d has no finite time", frame->step);
@@ -171,8 +276,9 @@ cn_status cn_frames_write(cn_frames *frames, const cn_frame *frame, cn_error *er
         length += (size_t)snprintf(entries + length, most - length,
                                    "<DataSet timestep=\"%s\" part=\"%d\" file=\"%s\"/>\n", time, i, name);
     }
-    if (status ==
-        CN_OK) { /* entries, then the tail over where it was and beyond: never shorter than before */
+    if (status == CN_OK && frame->step <= frames->last)
+        status = go_back(frames, frame->step, entries, error);
+    else if (status == CN_OK) { /* the tail over where it was and beyond: never shorter than before */
         memcpy(entries + length, tail, sizeof tail);
         if (write_all(frames->pvd, entries, length + strlen(tail), frames->end) == CN_OK)
             frames->end += (off_t)length;
@@ -184,6 +290,7 @@ cn_status cn_frames_write(cn_frames *frames, const cn_frame *frame, cn_error *er
                              strerror(cause));
         }
     }
+    if (status == CN_OK) frames->last = frame->step;
     free(entries);
     return status;
 }

@@ -146,6 +146,87 @@ static void a_piece_holds_positions_displacements_and_stresses_to_the_last_bit(v
     free(bytes);
 }
 
+/* The steps that frames.pvd lists, each with its piece beside it; -1 ends them. */
+static void listed_steps(const char *name, int *steps)
+{
+    char words[64];
+    size_t n, m;
+    char *pvd = read_all("frames.pvd", &n);
+    snprintf(words, sizeof words, "file=\"%s_", name);
+    for (const char *at = pvd; (at = strstr(at, words)); at++, steps++) {
+        char piece[64], own[64];
+        *steps = atoi(at + strlen(words));
+        snprintf(piece, sizeof piece, "%s_%d.vtu", name, *steps);
+        char *bytes = read_all(piece, &m);
+        if (!bytes) fail_msg("%s is listed and not there", piece);
+        free(bytes);
+        snprintf(own, sizeof own, "timestep=\"%.15g\"", 0.01 * *steps);
+        assert_non_null(strstr(pvd, own));
+    }
+    *steps = -1;
+    assert_int_equal(occurrences(pvd, "</Collection>\n</VTKFile>\n"), 1);
+    assert_string_equal(pvd + n - strlen("</Collection>\n</VTKFile>\n"), "</Collection>\n</VTKFile>\n");
+    free(pvd);
+}
+
+static bool is_there(const char *name)
+{
+    char path[512];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    return access(path, F_OK) == 0;
+}
+
+static void write_steps(cn_frames *frames, const cn_frame_body *pieces, int n, const int *steps)
+{
+    for (int i = 0; i < n; i++) {
+        cn_error error = {0};
+        const cn_frame frame = one_frame(steps[i], pieces, 2);
+        if (cn_frames_write(frames, &frame, &error) != CN_OK) fail_msg("%s", error.message);
+    }
+}
+
+static void a_run_that_goes_back_leaves_the_branch_it_took(void **state)
+{
+    (void)state;
+    const double stress[2] = {1, 2};
+    double x[15];
+    const cn_frame_body pieces[] = {{"back", &body, 5, x, stress, INFINITY},
+                                    {"wire", &body, 5, rest, stress, INFINITY}};
+    static const int first[] = {0, 4, 8, 12, 13}, again[] = {8, 12, 12}, expected[] = {0, 4, 8, 12, -1};
+    int steps[8];
+    size_t n;
+    cn_frames *frames;
+    memcpy(x, rest, sizeof x);
+    assert_int_equal(cn_frames_open(&frames, folder, NULL), CN_OK);
+    write_steps(frames, pieces, 5, first);
+    assert_true(is_there("back_13.vtu") && is_there("wire_13.vtu"));
+    x[0] = 0.5; /* the new branch is told from the old by its place */
+    for (int i = 0; i < 3; i++) {
+        write_steps(frames, pieces, 1, again + i);
+        listed_steps("back", steps);
+        assert_memory_equal(steps, expected, (i == 0 ? 3 : 4) * sizeof *steps);
+        assert_int_equal(steps[i == 0 ? 3 : 4], -1);
+        listed_steps("wire", steps);
+        assert_int_equal(steps[i == 0 ? 3 : 4], -1);
+        assert_false(is_there("back_13.vtu") || is_there("wire_13.vtu"));
+        assert_int_equal(is_there("back_12.vtu"), i > 0);
+        uint64_t size;
+        char *piece = read_all(i ? "back_12.vtu" : "back_8.vtu", &n);
+        assert_true(values(piece, "Points", &size)[0] == 0.5);
+        free(piece);
+    }
+    const int start = 0; /* back to the very beginning */
+    write_steps(frames, pieces, 1, &start);
+    listed_steps("wire", steps);
+    assert_true(steps[0] == 0 && steps[1] == -1 && !is_there("wire_4.vtu"));
+    x[3] = NAN; /* a frame that is refused takes nothing away */
+    const cn_frame bad = one_frame(0, pieces, 2);
+    assert_int_equal(cn_frames_write(frames, &bad, NULL), CN_ERR_NOT_FINITE);
+    listed_steps("back", steps);
+    assert_true(steps[0] == 0 && steps[1] == -1);
+    assert_int_equal(cn_frames_close(frames, NULL), CN_OK);
+}
+
 /* ParaView's own library as the judge; one line of numbers comes back. */
 static int vtk(const char *program, const char *argument, char *line, int size)
 {
@@ -340,7 +421,8 @@ static void every_allocation_may_fail(void **state)
         cn_frames *frames;
         fail_alloc_at(i);
         cn_status status = cn_frames_open(&frames, folder, NULL);
-        if (status == CN_OK) status = cn_frames_write(frames, &frame, NULL);
+        for (int k = 0; k < 2 && status == CN_OK; k++) /* the second time in place of the first */
+            status = cn_frames_write(frames, &frame, NULL);
         cn_frames_close(frames, NULL);
         fired = fail_alloc_fired();
         fail_alloc_at(-1);
@@ -353,6 +435,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_index_is_whole_after_every_frame_and_names_every_piece),
         cmocka_unit_test(a_piece_holds_positions_displacements_and_stresses_to_the_last_bit),
+        cmocka_unit_test(a_run_that_goes_back_leaves_the_branch_it_took),
         cmocka_unit_test(vtk_reads_back_what_was_written),
         cmocka_unit_test(a_path_as_csv_reads_back_exactly),
         cmocka_unit_test(nothing_that_is_not_finite_is_written),
