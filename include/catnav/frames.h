@@ -10,7 +10,9 @@ extern "C" {
 #endif
 
 typedef struct cn_frames cn_frames;
-/* Makes the folder if need be. Pieces are written by temporary name and rename; frames.pvd is valid after every frame. */
+/* Makes the folder if need be and deletes the pieces that an index of ours there names, so that it holds one
+ * run. It stays locked until the close (or the end of the process): CN_ERR_FILE while another run writes
+ * there. Pieces are written by temporary name and rename; frames.pvd is valid after every frame. */
 cn_status cn_frames_open(cn_frames **out, const char *folder, cn_error *error);
 /* A step that is not beyond the last one written replaces the frames of that step and all later ones: the
  * index lists increasing steps of the branch that was taken. */

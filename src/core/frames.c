@@ -1,6 +1,6 @@
 /* frames.pvd with its pieces. The index is opened once; each frame is put before its tail by one write, so
  * that the file is whole at any time. A frame whose step is not beyond the last one (a run that went back, or
- * its last frame again) replaces the index by a shorter one. */
+ * its last frame again) replaces the index by a shorter one. The folder is locked while it is open. */
 #include "catnav/frames.h"
 #include "frames_vtk.h"
 #include "output.h"
@@ -11,12 +11,13 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 struct cn_frames {
     char *folder, *index;
-    int dir;   /* descriptor of the folder */
+    int lock;  /* descriptor of the folder; its lock goes with it, also when the process dies */
     int pvd;   /* descriptor of frames.pvd */
     off_t end; /* where its tail begins */
     int last;  /* largest step in the index, -1: none */
@@ -73,11 +74,15 @@ static cn_status write_all(int descriptor, const char *text, size_t length, off_
     return CN_OK;
 }
 
-static cn_status open_folder(cn_frames *frames, cn_error *error)
+/* Two runs in one folder would mix their pieces. Where the file system has no locks none is taken. */
+static cn_status lock_folder(cn_frames *frames, cn_error *error)
 {
-    if ((frames->dir = open(frames->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC)) < 0)
+    if ((frames->lock = open(frames->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC)) < 0)
         return cn_fail(error, CN_ERR_FILE, frames->folder, 0, "the folder cannot be opened: %s",
                        strerror(errno));
+    if (flock(frames->lock, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK)
+        return cn_fail(error, CN_ERR_FILE, frames->folder, 0,
+                       "another run is writing its frames here: give another folder or wait for its end");
     return CN_OK;
 }
 
@@ -142,9 +147,9 @@ static void remove_pieces(const cn_frames *frames, const char *line, const char 
     struct stat info;
     for (; parse_line(line, sizeof name, name, &step); line = strchr(line, '\n') + 1) {
         snprintf(words, sizeof words, "file=\"%s\"", name);
-        if (!strstr(kept, words) && !fstatat(frames->dir, name, &info, AT_SYMLINK_NOFOLLOW) &&
+        if (!strstr(kept, words) && !fstatat(frames->lock, name, &info, AT_SYMLINK_NOFOLLOW) &&
             S_ISREG(info.st_mode))
-            unlinkat(frames->dir, name, 0);
+            unlinkat(frames->lock, name, 0);
     }
 }
 
@@ -167,12 +172,13 @@ static cn_status replace_index(cn_frames *frames, const char *text, size_t lengt
 
 cn_status cn_frames_open(cn_frames **out, const char *folder, cn_error *error)
 {
+    char *old = NULL;
     cn_status status;
     cn_frames *frames = calloc(1, sizeof *frames);
 
     *out = NULL;
     if (!frames) return out_of_memory(error, folder);
-    frames->pvd = frames->dir = frames->last = -1;
+    frames->pvd = frames->lock = frames->last = -1;
     if (!*folder) {
         status = cn_fail(error, CN_ERR_FILE, "", 0, "the frames' folder has no name");
         goto fail;
@@ -182,11 +188,15 @@ cn_status cn_frames_open(cn_frames **out, const char *folder, cn_error *error)
         goto fail;
     }
     if ((status = make_folder(frames->folder, error)) != CN_OK) goto fail;
-    if ((status = open_folder(frames, error)) != CN_OK) goto fail;
+    if ((status = lock_folder(frames, error)) != CN_OK) goto fail;
+    if ((status = read_index(frames->index, &old, error)) != CN_OK) goto fail;
     if ((status = replace_index(frames, head, strlen(head), "", error)) != CN_OK) goto fail;
+    if (old) remove_pieces(frames, old + strlen(head), "");
+    free(old);
     *out = frames;
     return CN_OK;
 fail:
+    free(old);
     cn_frames_close(frames, NULL);
     return status;
 }
@@ -198,7 +208,7 @@ cn_status cn_frames_close(cn_frames *frames, cn_error *error)
     if (frames->pvd >= 0 && close(frames->pvd))
         status = cn_fail(error, CN_ERR_FILE, frames->folder, 0, "frames.pvd cannot be closed: %s",
                          strerror(errno));
-    if (frames->dir >= 0) close(frames->dir);
+    if (frames->lock >= 0) close(frames->lock);
     free(frames->folder);
     free(frames->index);
     free(frames);

@@ -227,6 +227,83 @@ static void a_run_that_goes_back_leaves_the_branch_it_took(void **state)
     assert_int_equal(cn_frames_close(frames, NULL), CN_OK);
 }
 
+static void write_text(const char *name, const char *text)
+{
+    char path[512];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    fclose(file);
+}
+
+static void a_folder_holds_one_run_and_files_of_others_stay(void **state)
+{
+    (void)state;
+    static const char begin[] = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" "
+                                "version=\"0.1\">\n<Collection>\n",
+                      line[] = "<DataSet timestep=\"0\" part=\"0\" file=\"%s\"/>\n";
+    static const char *const foreign[] = {"../keep_1.vtu", "keep.vtu", "keep_1.vtp", "keep_x.vtu",
+                                          ".keep_1.vtu"};
+    const double stress[2] = {1, 2};
+    const cn_frame_body pieces[] = {{"old", &body, 5, rest, stress, INFINITY},
+                                    {"gone", &body, 5, rest, stress, INFINITY}};
+    static const int first[] = {0, 7, 90};
+    int steps[8];
+    cn_frames *frames;
+    assert_int_equal(cn_frames_open(&frames, folder, NULL), CN_OK);
+    write_steps(frames, pieces, 3, first);
+    assert_int_equal(cn_frames_close(frames, NULL), CN_OK);
+    write_text("old_8.vtu", "named by no index");
+    assert_int_equal(cn_frames_open(&frames, folder, NULL), CN_OK);
+    assert_false(is_there("old_0.vtu") || is_there("old_90.vtu") || is_there("gone_7.vtu"));
+    assert_true(is_there("old_8.vtu"));
+    write_steps(frames, pieces, 2, first);
+    listed_steps("old", steps);
+    assert_true(steps[0] == 0 && steps[1] == 7 && steps[2] == -1);
+    assert_int_equal(cn_frames_close(frames, NULL), CN_OK);
+
+    for (int i = 0; i < 5; i++) { /* names that are none of ours */
+        char text[512];
+        int n = snprintf(text, sizeof text, "%s", begin);
+        n += snprintf(text + n, sizeof text - (size_t)n, line, foreign[i]);
+        snprintf(text + n, sizeof text - (size_t)n, "</Collection>\n</VTKFile>\n");
+        write_text("frames.pvd", text);
+        if (i > 0) write_text(foreign[i], "someone's");
+        assert_int_equal(cn_frames_open(&frames, folder, NULL), CN_OK);
+        assert_int_equal(cn_frames_close(frames, NULL), CN_OK);
+        if (i > 0) assert_true(is_there(foreign[i]));
+    }
+    write_text("frames.pvd", "<VTKFile type=\"Collection\">\n<DataSet timestep=\"0\" part=\"0\" "
+                             "file=\"old_8.vtu\"/>\n"); /* another program's index */
+    assert_int_equal(cn_frames_open(&frames, folder, NULL), CN_OK);
+    assert_int_equal(cn_frames_close(frames, NULL), CN_OK);
+    assert_true(is_there("old_8.vtu"));
+}
+
+static void a_second_run_in_the_same_folder_is_refused_and_harms_nothing(void **state)
+{
+    (void)state;
+    const double stress[2] = {1, 2};
+    const cn_frame_body pieces[] = {{"one", &body, 5, rest, stress, INFINITY},
+                                    {"two", &body, 5, rest, stress, INFINITY}};
+    static const int steps[] = {0, 1};
+    int listed[8];
+    cn_frames *frames, *second;
+    cn_error error = {0};
+    assert_int_equal(cn_frames_open(&frames, folder, NULL), CN_OK);
+    write_steps(frames, pieces, 1, steps);
+    assert_int_equal(cn_frames_open(&second, folder, &error), CN_ERR_FILE);
+    assert_null(second);
+    assert_non_null(strstr(error.message, "another run is writing its frames here"));
+    write_steps(frames, pieces, 1, steps + 1);
+    listed_steps("two", listed);
+    assert_true(listed[0] == 0 && listed[1] == 1 && listed[2] == -1);
+    assert_int_equal(cn_frames_close(frames, NULL), CN_OK);
+    assert_int_equal(cn_frames_open(&second, folder, NULL), CN_OK);
+    assert_int_equal(cn_frames_close(second, NULL), CN_OK);
+}
+
 /* ParaView's own library as the judge; one line of numbers comes back. */
 static int vtk(const char *program, const char *argument, char *line, int size)
 {
@@ -436,6 +513,8 @@ int main(void)
         cmocka_unit_test(the_index_is_whole_after_every_frame_and_names_every_piece),
         cmocka_unit_test(a_piece_holds_positions_displacements_and_stresses_to_the_last_bit),
         cmocka_unit_test(a_run_that_goes_back_leaves_the_branch_it_took),
+        cmocka_unit_test(a_folder_holds_one_run_and_files_of_others_stay),
+        cmocka_unit_test(a_second_run_in_the_same_folder_is_refused_and_harms_nothing),
         cmocka_unit_test(vtk_reads_back_what_was_written),
         cmocka_unit_test(a_path_as_csv_reads_back_exactly),
         cmocka_unit_test(nothing_that_is_not_finite_is_written),
