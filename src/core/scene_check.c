@@ -8,7 +8,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define MOST_NODES 1e8 /* of one generated mesh */
+#define MOST_NODES 2000000 /* of one generated mesh: a run takes about 10 kB a node */
+
+static cn_status check_nodes(struct cn_reader *reader, int node, const char *key, double nodes)
+{
+    if (nodes <= MOST_NODES) return CN_OK;
+    return cn_reader_refuse(reader, node, key,
+                            "they make a mesh of %.0f nodes, and at most %d fit into memory (about 10 kB "
+                            "each): make it coarser",
+                            nodes, MOST_NODES);
+}
 
 cn_status cn_check_catheter(struct cn_reader *reader, int node, void *base)
 {
@@ -23,18 +32,15 @@ cn_status cn_check_catheter(struct cn_reader *reader, int node, void *base)
         return cn_reader_refuse(reader, node, "core",
                                 "its diameter, %.10g m, is above the catheter's, %.10g m",
                                 shape->catheter.core_diameter, shape->catheter.diameter);
-    if ((double)shape->catheter.stations * (2 * shape->catheter.sides + 1) > MOST_NODES)
-        return cn_reader_refuse(reader, node, "stations", "with %d sides that makes more than 1e8 nodes",
-                                shape->catheter.sides);
-    return CN_OK;
+    const double per = shape->catheter.inner_diameter > 0 ? 2.0 * shape->catheter.sides /* two rings */
+                                                          : shape->catheter.sides + 1.0;
+    return check_nodes(reader, node, "stations", shape->catheter.stations * per);
 }
 
 cn_status cn_check_beam(struct cn_reader *reader, int node, void *base)
 {
     const int *cells = ((const cn_shape *)base)->beam.cells;
-    if ((cells[0] + 1.0) * (cells[1] + 1.0) * (cells[2] + 1.0) > MOST_NODES)
-        return cn_reader_refuse(reader, node, "cells", "they make more than 1e8 nodes");
-    return CN_OK;
+    return check_nodes(reader, node, "cells", (cells[0] + 1.0) * (cells[1] + 1.0) * (cells[2] + 1.0));
 }
 
 cn_status cn_check_box(struct cn_reader *reader, int node, void *base)

@@ -214,7 +214,10 @@ static const struct {
     {"1.0e-3}", "1.0e-3, inserted: 0.2}", 14, "more than the length"},
     {"1.0e-3}", "1.0e-3, core: {diameter: 2.0e-3, young: 1, poisson: 0, density: 1}}", 14,
      "above the catheter's"},
-    {"1.0e-3}", "1.0e-3, stations: 1000000, sides: 1000}", 14, "more than 1e8 nodes"},
+    {"1.0e-3}", "1.0e-3, stations: 1000000, sides: 256}", 14,
+     "a mesh of 257000000 nodes, and at most 2000000"},
+    {"1.0e-3}", "1.0e-3, stations: 285715}", 14, "stations: they make a mesh of 2000005 nodes"},
+    {"1.0e-3}", "1.0e-3, stations: 166667, inner_diameter: 5.0e-4}", 14, "a mesh of 2000004 nodes"},
     {"model: rigid", "model: membrane", 7, "needs the key \"thickness\""},
     {"model: rigid", "model: shell, thickness: 1.0e-3", 7, "needs the key \"young\""},
     {"model: rigid", "model: membrane, thickness: 1, young: 1, poisson: 0, density: 1", 7,
@@ -249,7 +252,9 @@ static const struct {
     {"catheter: {length: 0.1, diameter: 1.0e-3}", "beam: {size: [1, 1, 0], cells: [1, 1, 1]}", 14, "> 0"},
     {"catheter: {length: 0.1, diameter: 1.0e-3}", "beam: {size: [1, 1, 1], cells: [1, 0, 1]}", 14, ">= 1"},
     {"catheter: {length: 0.1, diameter: 1.0e-3}", "beam: {size: [1, 1, 1], cells: [1000, 1000, 1000]}", 14,
-     "more than 1e8 nodes"},
+     "cells: they make a mesh of 1003003001 nodes, and at most 2000000"},
+    {"catheter: {length: 0.1, diameter: 1.0e-3}", "beam: {size: [1, 1, 1], cells: [125, 125, 125]}", 14,
+     "a mesh of 2000376 nodes"},
     {"catheter: {length: 0.1, diameter: 1.0e-3}", "file: wall.stl\n  model: rod", 15, "a rod needs an axis"},
     {"density: 1000}", "density: 1000, regions: [{along: [1, 0], young: 1}]}", 15, "ascending"},
     {"density: 1000}", "density: 1000, regions: [{along: [0, 1], box: [[0, 0, 0], [1, 1, 1]], young: 1}]}",
@@ -588,6 +593,20 @@ static void a_direction_of_any_length_becomes_a_unit_vector(void **state)
     }
 }
 
+static void a_mesh_of_just_under_two_million_nodes_is_read(void **state)
+{
+    (void)state;
+    static const char *const fine[][2] = {
+        {"1.0e-3}", "1.0e-3, stations: 285714}"},
+        {"1.0e-3}", "1.0e-3, stations: 166666, inner_diameter: 5.0e-4}"},
+        {"catheter: {length: 0.1, diameter: 1.0e-3}", "beam: {size: [1, 1, 1], cells: [124, 125, 125]}"}};
+    for (int i = 0; i < 3; i++) {
+        char *text = varied(fine[i][0], fine[i][1]);
+        cn_scene_free(good(text));
+        free(text);
+    }
+}
+
 static void a_scene_written_as_json_is_read(void **state)
 {
     (void)state;
@@ -804,6 +823,7 @@ int main(void)
         cmocka_unit_test(every_key_reads_into_its_field),
         cmocka_unit_test(what_is_left_out_has_the_contracts_default),
         cmocka_unit_test(a_direction_of_any_length_becomes_a_unit_vector),
+        cmocka_unit_test(a_mesh_of_just_under_two_million_nodes_is_read),
         cmocka_unit_test(a_scene_written_as_json_is_read),
         cmocka_unit_test(settings_reach_into_maps_and_lists),
         cmocka_unit_test(a_bad_setting_is_refused_by_its_name),
