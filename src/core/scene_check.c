@@ -158,7 +158,19 @@ static int by_name(const void *a, const void *b)
     return c ? c : x->order - y->order;
 }
 
-/* Names of vessels, obstacles and bodies are unique: limits, frames and reports speak of them by name. */
+/* Where a character that ends a line or steers a terminal stands in UTF-8 text, -1: nowhere. */
+static int control_character(const char *text)
+{
+    for (const unsigned char *c = (const unsigned char *)text; *c; c++) {
+        const bool c1 = c[0] == 0xc2 && c[1] >= 0x80 && c[1] <= 0x9f,                   /* U+0080 to U+009F */
+            separator = c[0] == 0xe2 && c[1] == 0x80 && (c[2] == 0xa8 || c[2] == 0xa9); /* U+2028, U+2029 */
+        if (*c < ' ' || *c == 127 || c1 || separator) return (int)(c - (const unsigned char *)text);
+    }
+    return -1;
+}
+
+/* Names of vessels, obstacles and bodies are one line of text and unique: limits, frames and reports speak of
+ * them by name. */
 static cn_status check_names(struct cn_reader *reader, int node, const cn_scene *scene)
 {
     static const char *const lists[] = {"vessels", "obstacles", "bodies"};
@@ -177,6 +189,12 @@ static cn_status check_names(struct cn_reader *reader, int node, const cn_scene 
                                  : i == 1 ? scene->obstacle[j].name
                                           : scene->body[j].name,
                                  entry, k};
+    }
+    for (int i = 0; i < k && status == CN_OK; i++) {
+        const int at = control_character(named[i].name);
+        if (at >= 0)
+            status = cn_reader_refuse(reader, named[i].node, "name",
+                                      "a control character or line end (byte %d) stands in it", at);
     }
     qsort(named, (size_t)k, sizeof *named, by_name);
     for (int i = 1; i < k && status == CN_OK; i++)

@@ -280,6 +280,13 @@ static const struct {
     {"gravity: [0, 0, 0]", "gravity: [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[0]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]",
      3, "nested deeper than 32"},
     {"scene: base", "scene: \"a\\0b\"", 1, "control character"},
+    {"name: artery", "name: \"a\\nb\"", 5, "control character (byte 1)"},
+    {"name: rock", "name: \"a\\tb\"", 9, "control character (byte 1)"},
+    {"name: device", "name: \"a\\e[2J\"", 12, "control character (byte 1)"},
+    {"name: device", "name: \"ab\\x7f\"", 12, "control character (byte 2)"},
+    {"name: artery", "name: \"a\\u0085b\"", 5, "name: a control character or line end (byte 1)"},
+    {"name: rock", "name: \"\\u2028b\"", 9, "name: a control character or line end (byte 0)"},
+    {"name: device", "name: \"\\u00e9\\u009b\"", 12, "name: a control character or line end (byte 2)"},
 };
 
 static char *varied(const char *from, const char *to)
@@ -669,6 +676,9 @@ static void a_bad_setting_is_refused_by_its_name(void **state)
         {{"bodies.0.shape.file", "wall.stl"}, "exclude each other"},
         {{"bodies.0.shape.catheter.inner_diameter", "1"}, "not below the diameter"},
         {{"vessels.0.surface.file", "gone.stl"}, "setting vessels.0.surface.file=gone.stl"},
+        {{"bodies.0.name", "\"a\\nb\""}, "bodies.0.name: a control character"},
+        {{"bodies.0.name", "|\n  a\n  b"}, "bodies.0.name: a control character"},
+        {{"vessels.0.name", "\"a\\u2029b\""}, "name: a control character or line end"},
         {{"bodies", "[]"}, "a list of at least one map"},
         {{"gravity", "[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[0]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]"}, "nested deeper"},
     };
