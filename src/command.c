@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+_Static_assert(MOST_THREADS == 64, "the refusal of --threads names it");
 volatile sig_atomic_t command_cancel;
 
 static void cancel(int signal_number)
@@ -26,7 +27,7 @@ void command_catch_signals(void)
 int command_threads(void)
 {
     const long cores = sysconf(_SC_NPROCESSORS_ONLN);
-    return cores < 1 ? 1 : cores > 64 ? 64 : (int)cores;
+    return cores < 1 ? 1 : cores > MOST_THREADS ? MOST_THREADS : (int)cores;
 }
 
 void command_print_error(const cn_error *error)
@@ -55,10 +56,14 @@ static bool take_value(const command_t *command, const option_t *option, char *t
         *(const char **)option->value = text;
         break;
     case OPTION_COUNT: {
+        const bool threads = !strcmp(option->name, "--threads");
         errno = 0;
         const long value = strtol(text, &end, 10);
-        if (end == text || *end || errno || value < 1 || value > 1000000000)
-            return refuse(command, "a whole number >= 1 is needed, not", text);
+        if (end == text || *end || errno || value < 1 || value > (threads ? MOST_THREADS : 1000000000))
+            return refuse(command,
+                          threads ? "--threads takes a whole number from 1 to 64, not"
+                                  : "a whole number >= 1 is needed, not",
+                          text);
         *(int *)option->value = (int)value;
         break;
     }

@@ -34,6 +34,7 @@ typedef struct {
 bool command_options(const command_t *command, int argc, char **argv, const option_t *options,
                      const char *what, const char **operand);
 void command_print_error(const cn_error *error); /* FILE:LINE: sentence, on stderr */
+enum { MOST_THREADS = 64 };                      /* what --threads takes in every subcommand */
 int command_threads(void);                       /* as many as there are cores */
 
 /* SIGINT and SIGTERM set this flag, which a run looks at in every step. */

@@ -73,7 +73,7 @@ static const char help[] =
     "    --out PATH.csv      where the path goes\n"
     "    --set KEY=VALUE     changes the scene before it is read, as in catnav run\n"
     "    --report FILE.json  writes the report\n"
-    "    --threads N         worker threads (default: one a core); the path does not depend on them\n"
+    "    --threads N         1 to 64 worker threads (default: one a core); the path does not depend on them\n"
     "    --quiet             prints errors only\n\n"
     "EXIT STATUS\n"
     "    0 a path was found, 1 refused, 2 there is none, 3 the emergency budget was used up, 4 failed\n";

@@ -83,6 +83,13 @@ class Command(unittest.TestCase):
             self.assertEqual(done.stdout, "")
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
 
+    def test_threads_beyond_64_are_refused_at_once_by_their_range(self):
+        for words in (["run", self.beam], ["plan", self.pipe, "--out", self.path("p.csv")]):
+            for threads in ("65", "100000", "99999999999999999999"):
+                done = self.run_it(*words, "--threads", threads, status=1)
+                self.assertIn("from 1 to 64", done.stderr)
+        self.run_it("run", self.beam, "--threads", "64", "--quiet")
+
     # refused scenes
     def test_an_unreadable_scene_names_file_and_line_and_leaves_no_report(self):
         bad = self.write("bad.yaml", BEAM.replace("step: 0.01", "step: 0,01"))
@@ -134,7 +141,8 @@ class Command(unittest.TestCase):
                            "step=0.02", "--report", self.path("report.json"))
         self.assertEqual(done.stdout + done.stderr, "")
         self.assertEqual(self.report()["steps"], 10)
-        self.assertEqual(sorted(os.listdir(self.path("f"))), ["bar_0.vtu", "bar_4.vtu", "bar_8.vtu", "frames.pvd"])
+        self.assertEqual(sorted(os.listdir(self.path("f"))),  # every fourth and the last
+                         ["bar_0.vtu", "bar_10.vtu", "bar_4.vtu", "bar_8.vtu", "frames.pvd"])
 
     def test_threads_change_no_bit_of_the_answer(self):
         answers = []
