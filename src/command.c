@@ -10,10 +10,13 @@
 _Static_assert(MOST_THREADS == 64, "the refusal of --threads names it");
 volatile sig_atomic_t command_cancel;
 
+/* A second signal of either kind then ends the process at once. */
 static void cancel(int signal_number)
 {
     (void)signal_number;
     command_cancel = 1;
+    signal(SIGINT, SIG_DFL);
+    signal(SIGTERM, SIG_DFL);
 }
 
 void command_catch_signals(void)

@@ -37,7 +37,8 @@ void command_print_error(const cn_error *error); /* FILE:LINE: sentence, on stde
 enum { MOST_THREADS = 64 };                      /* what --threads takes in every subcommand */
 int command_threads(void);                       /* as many as there are cores */
 
-/* SIGINT and SIGTERM set this flag, which a run looks at in every step. */
+/* SIGINT and SIGTERM set this flag, which a run looks at in every step and a plan at its end; a second signal
+ * ends the process at once. */
 extern volatile sig_atomic_t command_cancel;
 void command_catch_signals(void);
 

@@ -27,6 +27,7 @@ static int plan_scene(int argc, char **argv)
 
     if (!command_options(&command_plan, argc, argv, options, "SCENE.yaml", &scene_file))
         return COMMAND_REFUSED;
+    command_catch_signals();
     if (!out) {
         fputs("catnav plan: --out PATH.csv is missing; see catnav plan --help\n", stderr);
         return COMMAND_REFUSED;
@@ -37,10 +38,17 @@ static int plan_scene(int argc, char **argv)
     }
     if (!command_can_write(out) || (report_file && !command_can_write(report_file))) goto done;
     cn_status computed = cn_world_new(&world, scene, 0, NULL, &error);
-    if (computed == CN_OK)
+    if (computed == CN_OK && !command_cancel)
         computed = cn_run_plan(world, NULL, cn_ompl_planner, threads, &path, &report, &error);
     else
         cn_report_refused(&report, scene, &error);
+    if (command_cancel) {
+        fputs("interrupted\n", stderr);
+        report.verdict.code = CN_VERDICT_CANCELLED;
+        snprintf(report.verdict.message, sizeof report.verdict.message, "interrupted");
+        status = command_finish(&report, report_file);
+        goto done;
+    }
     if (computed == CN_OK && path) computed = cn_path_write_csv(path, out, &error);
     const bool answered = report.verdict.code != CN_VERDICT_UNKNOWN && !path; /* says why there is none */
     if (computed != CN_OK && !answered) command_print_error(&error);
@@ -75,7 +83,11 @@ static const char help[] =
     "    --report FILE.json  writes the report\n"
     "    --threads N         1 to 64 worker threads (default: one a core); the path does not depend on them\n"
     "    --quiet             prints errors only\n\n"
+    "SIGNALS\n"
+    "    Ctrl-C (SIGINT) and SIGTERM: the search under way is finished, but no path is written; the\n"
+    "    report is. A second one ends the command at once.\n\n"
     "EXIT STATUS\n"
-    "    0 a path was found, 1 refused, 2 there is none, 3 the emergency budget was used up, 4 failed\n";
+    "    0 a path was found, 1 refused, 2 there is none, 3 the emergency budget was used up, 4 failed,\n"
+    "    130 interrupted\n";
 
 const command_t command_plan = {"plan", "find the path alone and write it as CSV", help, plan_scene};

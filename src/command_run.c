@@ -172,7 +172,8 @@ static const char help[] =
     "them\n"
     "    --quiet             prints errors only\n\n"
     "SIGNALS\n"
-    "    Ctrl-C (SIGINT) and SIGTERM stop the run within a step; the report is still written.\n\n"
+    "    Ctrl-C (SIGINT) and SIGTERM stop the run within a step; the report is still written. A second\n"
+    "    one ends it at once, without a report.\n\n"
     "EXIT STATUS\n"
     "    0 reached or ran to the end, 1 refused, 2 infeasible, 3 time used up, 4 failed (also where\n"
     "    a report or frames could not be written), 130 interrupted\n";

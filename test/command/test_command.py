@@ -57,6 +57,13 @@ class Command(unittest.TestCase):
         self.assertEqual(done.returncode, status, done.stdout + done.stderr)
         return done
 
+    def start(self, *words):
+        """The command, half a second after its start: its signals are caught by then."""
+        command = subprocess.Popen([CATNAV, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.addCleanup(command.kill)
+        time.sleep(0.5)
+        return command
+
     def report(self, name="report.json"):
         with open(self.path(name)) as file:
             return json.load(file, parse_constant=lambda word: self.fail("not JSON: " + word))
@@ -170,6 +177,18 @@ class Command(unittest.TestCase):
             self.assertGreater(report["steps"], 0)
             os.unlink(self.path("report.json"))
 
+    def test_a_second_signal_ends_at_once(self):
+        words = ("--set", "planner.resolution=2e-4")  # seconds of mapping, in which no signal is looked at
+        for start in (("run", self.pipe), ("plan", self.pipe, "--out", self.path("p.csv"))):
+            for first, second in ((signal.SIGINT, signal.SIGINT), (signal.SIGINT, signal.SIGTERM)):
+                command = self.start(*start, *words)
+                command.send_signal(first)
+                time.sleep(0.3)
+                self.assertIsNone(command.poll())
+                command.send_signal(second)
+                command.communicate(timeout=1.5)
+                self.assertEqual(command.returncode, -second)
+
     def test_a_terminal_shows_progress(self):
         main, terminal = pty.openpty()
         run = subprocess.Popen([CATNAV, "run", self.beam, "--set", "time_limit=100"], stdout=subprocess.PIPE,
@@ -207,6 +226,17 @@ class Command(unittest.TestCase):
                            status=2)
         self.assertTrue(done.stderr.startswith("infeasible: "), done.stderr)
         self.assertFalse(os.path.exists(self.path("p.csv")))
+
+    def test_a_signal_ends_a_plan_in_one_word_without_a_path(self):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            plan = self.start("plan", self.pipe, "--out", self.path("p.csv"), "--set", "planner.resolution=2e-4",
+                              "--report", self.path("report.json"))
+            plan.send_signal(number)
+            self.assertEqual(plan.communicate(timeout=120), ("", "interrupted\n"))
+            self.assertEqual(plan.returncode, 130)
+            self.assertFalse(os.path.exists(self.path("p.csv")))
+            report = self.report()
+            self.assertEqual((report["status"], report["verdict"]["code"]), ("interrupted", "CANCELLED"))
 
     # check
     def test_the_mesh_doctor_tells_usable_from_refused(self):
