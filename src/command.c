@@ -33,12 +33,23 @@ int command_threads(void)
     return cores < 1 ? 1 : cores > MOST_THREADS ? MOST_THREADS : (int)cores;
 }
 
+/* One line, whatever stands in a name or setting that it quotes. */
+static void print_line(const char *text)
+{
+    for (; *text; text++)
+        fputc((unsigned char)*text < ' ' || *text == 127 ? '?' : *text, stderr);
+}
+
 void command_print_error(const cn_error *error)
 {
-    if (*error->file) fprintf(stderr, "%s:", error->file);
-    if (*error->file && error->line > 0) fprintf(stderr, "%d:", error->line);
-    fprintf(stderr, "%s%s\n", *error->file ? " " : "",
-            *error->message ? error->message : cn_status_text(error->status));
+    if (*error->file) {
+        print_line(error->file);
+        fputc(':', stderr);
+        if (error->line > 0) fprintf(stderr, "%d:", error->line);
+        fputc(' ', stderr);
+    }
+    print_line(*error->message ? error->message : cn_status_text(error->status));
+    fputc('\n', stderr);
 }
 
 static bool refuse(const command_t *command, const char *sentence, const char *word)

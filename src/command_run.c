@@ -141,8 +141,12 @@ static int run_scene(int argc, char **argv)
     } else
         cn_report_refused(&report, scene, &error);
     clear_line(&run);
-    if (computed != CN_OK) command_print_error(&error);
-    if (!quiet) print_verdict(&run, &report, report_file);
+    const bool refused = cn_verdict_exit(report.verdict.code) == COMMAND_REFUSED;
+    if (computed != CN_OK)
+        command_print_error(&error);
+    else if (refused)
+        fprintf(stderr, "%s\n", report.verdict.message);
+    if (!quiet && !refused) print_verdict(&run, &report, report_file);
     status = command_finish(&report, report_file);
     if (cn_frames_close(run.frames, &run.error) != CN_OK) command_print_error(&run.error);
     run.frames = NULL;

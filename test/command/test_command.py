@@ -121,6 +121,17 @@ class Command(unittest.TestCase):
                     self.path("report.json"), status=1)
         self.assertEqual(self.report()["verdict"]["code"], "BAD_INPUT")
 
+    def test_a_refusal_is_said_once_and_on_one_line(self):
+        self.write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        body = ("run", self.beam, "--set", "bodies.0.shape={file: open.obj}")  # refused by the run's door
+        self.write("broken.stl", "solid a\n facet normal nan 0 0\n outer loop\n vertex 0 0 x\n")
+        wall = ("run", self.pipe, "--set", "vessels.artery.surface.file=broken.stl")  # by the world's
+        name = ("run", self.beam, "--set", 'bodies.0.name="a\n\nb"')  # by the scene's, quoting line ends
+        for words in (body, wall, name, (*body, "--quiet"), ("plan", *wall[1:], "--out", self.path("p.csv"))):
+            done = self.run_it(*words, status=1)
+            self.assertEqual((done.stdout, done.stderr.count("\n")), ("", 1), done.stdout + done.stderr)
+            self.assertRegex(done.stderr, r"open\.obj|broken\.stl|control character")
+
     def test_a_report_that_cannot_be_written_is_told_before_the_run(self):
         started = time.monotonic()
         done = self.run_it("run", self.beam, "--set", "time_limit=1e6", "--report", self.path("no/r.json"), status=1)
