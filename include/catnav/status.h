@@ -7,21 +7,22 @@
 extern "C" {
 #endif
 
-#define CN_STATUS_LIST(X)                                                                                     \
-    X(CN_OK, "ok")                                                                                            \
-    X(CN_ERR_ARG, "argument out of range")                                                                    \
-    X(CN_ERR_MEMORY, "out of memory")                                                                         \
-    X(CN_ERR_FILE, "file cannot be read or written")                                                          \
-    X(CN_ERR_PARSE, "file is malformed")                                                                      \
-    X(CN_ERR_SCENE, "scene is contradictory")                                                                 \
-    X(CN_ERR_MESH, "mesh is unusable")                                                                        \
-    X(CN_ERR_MESHER, "tetrahedral mesher failed")                                                             \
-    X(CN_ERR_SINGULAR, "stiffness not positive definite")                                                     \
-    X(CN_ERR_NOT_FINITE, "non-finite number")                                                                 \
-    X(CN_ERR_CONVERGENCE, "iteration did not converge")                                                       \
-    X(CN_ERR_CONTACT, "contact list is full or a state is not free")                                          \
-    X(CN_ERR_NO_PATH, "no path")                                                                              \
-    X(CN_ERR_TIMEOUT, "time budget used up")                                                                  \
+#define CN_STATUS_LIST(X)                                                                                    \
+    X(CN_OK, "ok")                                                                                           \
+    X(CN_ERR_ARG, "argument out of range")                                                                   \
+    X(CN_ERR_MEMORY, "out of memory")                                                                        \
+    X(CN_ERR_FILE, "file cannot be read or written")                                                         \
+    X(CN_ERR_PARSE, "file is malformed")                                                                     \
+    X(CN_ERR_SCENE, "scene is contradictory")                                                                \
+    X(CN_ERR_MESH, "mesh is unusable")                                                                       \
+    X(CN_ERR_MESHER, "tetrahedral mesher failed")                                                            \
+    X(CN_ERR_SINGULAR, "stiffness not positive definite")                                                    \
+    X(CN_ERR_NOT_FINITE, "non-finite number")                                                                \
+    X(CN_ERR_CONVERGENCE, "iteration did not converge")                                                      \
+    X(CN_ERR_CONTACT, "contact list is full")                                                                \
+    X(CN_ERR_NOT_FREE, "no state free of the walls was found")                                               \
+    X(CN_ERR_NO_PATH, "no path")                                                                             \
+    X(CN_ERR_TIMEOUT, "time budget used up")                                                                 \
     X(CN_ERR_CANCELLED, "cancelled")
 #define CN_STATUS_ENUM(name, text) name,
 typedef enum { CN_STATUS_LIST(CN_STATUS_ENUM) CN_STATUS_COUNT } cn_status;

@@ -40,8 +40,9 @@ typedef struct {
 typedef struct {
     const cn_body *body;
     const cn_world *world;
-    int *tri;                    /* of the body's surface, neighbours near each other (ntri x 3) */
-    cn_collider *collider;       /* over them */
+    int *tri;              /* of the body's surface, neighbours near each other (ntri x 3) */
+    cn_collider *collider; /* over them */
+    int ninner, *inner;    /* nodes inside the body: they too must not pass a wall, however it is squeezed */
     cn_collider **wall_collider; /* per wall */
     double **wall_plane;         /* per wall: unit normal and offset of each triangle (ntri x 4) */
     double gap;                  /* distance at which the barrier begins [m] */
@@ -100,9 +101,9 @@ cn_status cn_contact_find(const cn_contact_model *model, cn_contact *contact, in
 /* Once the motion has been taken to x: from here on the list holds while no node is farther than reach from
  * x. */
 void cn_contact_anchor(const cn_contact_model *model, cn_contact *contact, const double *x, cn_pool *pool);
-/* Barrier energy [J] at x; adds the force on the nodes to f (may be NULL) and its stiffness to A (may be NULL):
- * the whole second derivative when exact (mollifier aside), else its positive Gauss-Newton part. INFINITY when a
- * distance is not positive. */
+/* Barrier energy [J] at x; adds the force on the nodes to f (may be NULL) and its stiffness to A (may be
+ * NULL): the whole second derivative when exact (mollifier aside), else its positive Gauss-Newton part.
+ * INFINITY when a distance is not positive. */
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
                       cn_matrix *a, bool exact, cn_pool *pool);
 /* Largest fraction in [0, 1] of the motion dx from x that keeps every pair at least `keep` of its distance

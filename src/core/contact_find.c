@@ -155,12 +155,37 @@ static bool add_triangle_pair(void *user, int ia, int ib)
     return true;
 }
 
+/* The part's share of the inner nodes against the walls. */
+static void find_inner(search *s, int p)
+{
+    enum { NEAR = 256 };
+    const long n = s->model->ninner, parts = s->contact->npart;
+    int near[NEAR];
+    for (long j = n * p / parts; j < n * (p + 1) / parts; j++) {
+        const int i = s->model->inner[j];
+        double min[3], max[3];
+        if (i >= s->nfree) continue;
+        body_box(s, 1, &i, min, max);
+        for (s->wall = 0; s->wall < s->model->world->nwall; s->wall++) {
+            const cn_collider *wall = s->model->wall_collider[s->wall];
+            const int found = cn_tree_query_box(s->model->world->wall[s->wall].tree, min, max, NEAR, near);
+            for (int k = 0; k < (found <= NEAR ? found : wall->ntri); k++) {
+                const int t = found <= NEAR ? near[k] : k; /* too many for the list: all are looked at */
+                const int *b = wall->tri + 3 * t;
+                cn_pair pair = {.kind = CN_PAIR_NODE_TRIANGLE, .a = {i, -1, -1}, .b = {b[0], b[1], b[2]}};
+                if (!add_pair(s, &pair)) return;
+            }
+        }
+    }
+}
+
 static void find_in_part(void *user, int p)
 {
     const search *all = user;
     search s = *all;
     s.part = &all->contact->part[p];
     s.part->npair = 0;
+    find_inner(&s, p);
     if (s.part->lowest >= s.nfree) return;
     cn_tree_refit_swept(s.part->tree, s.x, s.dx ? s.contact->end : s.x, s.margin);
     for (s.wall = 0; s.wall < s.model->world->nwall; s.wall++)

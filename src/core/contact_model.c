@@ -62,6 +62,23 @@ static cn_status sorted_triangles(int **out, const cn_body *body)
     return CN_OK;
 }
 
+static cn_status inner_nodes(cn_contact_model *model)
+{
+    const cn_body *body = model->body;
+    unsigned char *outer = calloc((size_t)body->nnode + 1, 1);
+    model->inner = malloc(((size_t)body->nnode + 1) * sizeof *model->inner);
+    if (!outer || !model->inner) {
+        free(outer);
+        return CN_ERR_MEMORY;
+    }
+    for (int c = 0; c < 3 * body->boundary->ntri; c++)
+        outer[model->tri[c]] = 1;
+    for (int i = 0; i < body->nnode; i++)
+        if (!outer[i]) model->inner[model->ninner++] = i;
+    free(outer);
+    return CN_OK;
+}
+
 cn_status cn_contact_model_new(cn_contact_model **out, const cn_body *body, const cn_world *world, double gap,
                                double kappa)
 {
@@ -80,6 +97,7 @@ cn_status cn_contact_model_new(cn_contact_model **out, const cn_body *body, cons
         status = cn_collider_new(&model->wall_collider[w], wall->ntri, wall->tri, wall->nvert);
         if (status == CN_OK) status = planes_of(&model->wall_plane[w], wall);
     }
+    if (status == CN_OK) status = inner_nodes(model);
     if (status != CN_OK) goto fail;
     *out = model;
     return CN_OK;
@@ -96,7 +114,7 @@ void cn_contact_model_free(cn_contact_model *model)
         cn_collider_free(model->wall_collider[w]);
     for (int w = 0; model->wall_plane && w < model->world->nwall; w++)
         free(model->wall_plane[w]);
-    free(model->wall_collider), free(model->wall_plane), free(model->tri);
+    free(model->wall_collider), free(model->wall_plane), free(model->tri), free(model->inner);
     free(model);
 }
 

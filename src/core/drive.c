@@ -201,18 +201,30 @@ double cn_drive_add(const cn_drive *drive, int nfree, const double *x, double *f
     return energy;
 }
 
+/* The goal-seeking force left at this distance from the waypoint [N]: what force_threshold bounds. */
+static double force_left(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
+                         double miss)
+{
+    cn_place place = {.curvature = 0};
+    if (path) cn_path_at(path, state->s_goal, &place);
+    return body->body->mass[body->goal_node] * full_weight(body, place.curvature) *
+           fmin(1, miss / lookahead(body));
+}
+
 void cn_drive_progress(const cn_model_body *body, cn_body_state *state, const cn_path *path)
 {
+    const cn_drive_spec *drive = &body->spec->drive;
     const double *goal = state->x + 3 * body->goal_node;
-    if (!path) return;
     const double near = 4 * lookahead(body);
-    state->s_goal = project(path, goal, state->s_goal - near, state->s_goal + near);
+    if (path) state->s_goal = project(path, goal, state->s_goal - near, state->s_goal + near);
     while (state->waypoint < body->spec->nwaypoint) {
         const double *q = body->spec->waypoint + 3 * state->waypoint;
-        const double miss = fabs(cn_distance(goal, q) - body->spec->drive.rest_length);
+        const double miss = fabs(cn_distance(goal, q) - drive->rest_length);
         if (!(miss <= body->spec->waypoint_tolerance)) break;
+        if (drive->force_threshold >= 0 && force_left(body, state, path, miss) > drive->force_threshold)
+            break;
         if (state->waypoint == body->spec->nwaypoint - 1 &&
-            !(cn_norm(state->v + 3 * body->goal_node) <= 0.1 * body->spec->drive.speed))
+            !(cn_norm(state->v + 3 * body->goal_node) <= 0.1 * drive->speed))
             break;
         state->waypoint++;
     }

@@ -16,8 +16,9 @@ static bool in_box(const double box[2][3], const double p[3])
     return true;
 }
 
-/* The mesh of a body's shape in its own frame, placed; a catheter's is laid along its entry axis. */
-static cn_status shape_mesh(cn_tets **out, const cn_shape *shape, cn_error *error)
+/* The mesh of a body's shape in its own frame, placed; a catheter's is laid along its entry axis. tip gets
+ * the nodes of a beam's +x face. */
+static cn_status shape_mesh(cn_tets **out, const cn_shape *shape, int *tip, int *ntip, cn_error *error)
 {
     cn_status status = CN_ERR_ARG;
     cn_surface *surface = NULL;
@@ -32,6 +33,8 @@ static cn_status shape_mesh(cn_tets **out, const cn_shape *shape, cn_error *erro
         return status;
     case CN_SHAPE_BEAM:
         status = cn_tets_beam(out, shape->beam.size, shape->beam.cells, error);
+        for (int i = 0; status == CN_OK && i < (*out)->nnode; i++)
+            if ((*out)->node[3 * i] >= shape->beam.size[0] * (1 - 1e-9)) tip[(*ntip)++] = i;
         if (status == CN_OK) cn_place_points(&shape->placement, (*out)->nnode, (*out)->node);
         return status;
     case CN_SHAPE_SPHERE:
@@ -230,7 +233,12 @@ static cn_status build_body(cn_model_body *out, const cn_scene *scene, const cn_
     cn_tets *mesh = NULL;
     double *along = NULL;
     const cn_body *body;
-    cn_status status = shape_mesh(&mesh, &spec->shape, error);
+    cn_status status = CN_ERR_MEMORY;
+    const size_t face = spec->shape.kind == CN_SHAPE_BEAM ? ((size_t)spec->shape.beam.cells[1] + 1) *
+                                                                ((size_t)spec->shape.beam.cells[2] + 1)
+                                                          : 0;
+    if (!(out->tip = malloc((face + 1) * sizeof *out->tip))) goto done;
+    status = shape_mesh(&mesh, &spec->shape, out->tip, &out->ntip, error);
     if (status != CN_OK) goto done;
 
     if (spec->shape.kind == CN_SHAPE_CATHETER) {
@@ -268,6 +276,16 @@ static cn_status build_body(cn_model_body *out, const cn_scene *scene, const cn_
     if ((status = drive_geometry(out, error)) != CN_OK) goto done;
     for (int i = 0; spec->fixed.set && i < body->nnode; i++)
         out->fixed[i] = in_box(spec->fixed.box, body->rest + 3 * i);
+    int nfixed = 0;
+    for (int i = 0; i < body->nnode; i++)
+        nfixed += out->fixed[i];
+    if (spec->fixed.set && nfixed == 0) {
+        status = cn_fail(error, CN_ERR_SCENE, NULL, 0,
+                         "body %s: `fixed` box [%g %g %g] to [%g %g %g] holds no node: move or widen it",
+                         spec->name, spec->fixed.box[0][0], spec->fixed.box[0][1], spec->fixed.box[0][2],
+                         spec->fixed.box[1][0], spec->fixed.box[1][1], spec->fixed.box[1][2]);
+        goto done;
+    }
     for (int l = 0; l < spec->nload; l++, out->nload++)
         if ((status = nodal_load(out, &spec->load[l], &out->load[l], error)) != CN_OK) goto done;
     status =
@@ -312,7 +330,8 @@ void cn_model_free(cn_model *model)
         cn_model_body *body = &model->body[b];
         for (int l = 0; body->load && l < body->spec->nload; l++)
             free(body->load[l].force);
-        free(body->load), free(body->fixed), free(body->behind), free(body->offset), free(body->control);
+        free(body->load), free(body->fixed), free(body->tip), free(body->behind), free(body->offset),
+            free(body->control);
         cn_contact_model_free(body->contact);
         cn_body_free(body->body);
     }

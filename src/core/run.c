@@ -31,6 +31,11 @@ static void stage(cn_run_data *run, cn_stage stage_now, double steps_per_s)
 /* The verdict that a failed part of the preparation amounts to. */
 static void refuse(cn_run_data *run, cn_status status)
 {
+    if (run->report->verdict.code != CN_VERDICT_UNKNOWN) return; /* said already */
+    if (cancelled(run)) {
+        cn_run_verdict(run, CN_VERDICT_CANCELLED, "cancelled before the first step");
+        return;
+    }
     const char *said = run->error.message[0] ? run->error.message : cn_status_text(status);
     const cn_verdict_code code =
         status == CN_ERR_NO_PATH     ? CN_VERDICT_NO_PATH
@@ -64,17 +69,14 @@ static cn_status make_map(cn_run_data *run)
             return status;
         run->world->map_s = cn_seconds() - start;
     }
-    return CN_OK;
+    return cancelled(run) ? CN_ERR_CANCELLED : CN_OK;
 }
 
 static cn_status prepare(cn_run_data *run)
 {
     cn_status status;
-    bool planned = false;
     if ((status = cn_run_specs(run)) != CN_OK) return status;
     if ((status = cn_run_supported(run)) != CN_OK) return status;
-    for (int b = 0; b < run->nbody; b++)
-        planned |= run->spec[b].nwaypoint > 0;
     if (!(run->body = calloc((size_t)run->nbody + 1, sizeof *run->body))) return CN_ERR_MEMORY;
     if (!(run->report->body = calloc((size_t)run->nbody + 1, sizeof *run->report->body)))
         return CN_ERR_MEMORY;
@@ -98,10 +100,6 @@ static cn_status prepare(cn_run_data *run)
     }
     if ((status = make_map(run)) != CN_OK) return status;
     if ((status = cn_run_places(run)) != CN_OK) return status;
-    if (planned && !run->world->map)
-        return cn_fail(
-            &run->error, CN_ERR_SCENE, run->scene->path, 0,
-            "waypoints need vessels or obstacles to plan among: add one, or leave the waypoints out");
     if ((status = cn_pool_new(&run->pool, run->threads)) != CN_OK) return status;
     /* a catheter without a direction takes the path's: it is planned before its mesh is laid */
     stage(run, CN_STAGE_PLAN, 0);
@@ -131,21 +129,18 @@ static cn_status prepare(cn_run_data *run)
 /* True when a body begins inside a wall: named, not shaken out. */
 static bool bad_start(cn_run_data *run)
 {
-    if (run->scene->contact.method == CN_CONTACT_NONE) return false;
+    if (run->scene->contact.method != CN_CONTACT_STRICT) return false;
     for (int b = 0; b < run->nbody; b++) {
         cn_findings found;
+        char pairs[160] = "";
         if (cn_work_check(run->model, b, run->state, run->body[b].work, &found) != CN_OK) continue;
+        if (cn_run_swallowed(run, b)) return true;
         if (!found.intersections && !found.outside) continue;
-        const char *wall = found.wall >= 0 ? run->world->wall[found.wall].name : "the walls";
-        cn_run_verdict(run, CN_VERDICT_NO_CONTACT_FREE_START,
-                       "%s starts inside %s: %d crossing triangle pairs (first: its triangle %d with wall "
-                       "triangle %d), %d "
-                       "points outside the free space, %.3g m deep, near [%.4f %.4f %.4f] m: move its start",
-                       run->spec[b].name, wall, found.intersections, found.body_triangle, found.wall_triangle,
-                       found.outside, found.depth, found.where[0], found.where[1], found.where[2]);
-        snprintf(run->report->verdict.body, sizeof run->report->verdict.body, "%s", run->spec[b].name);
-        run->report->verdict.value = found.depth;
-        cn_copy3(found.where, run->report->verdict.position);
+        if (found.intersections)
+            snprintf(pairs, sizeof pairs, "%d crossing triangle pairs (first: wall triangle %d of %.60s), ",
+                     found.intersections, found.wall_triangle, run->world->wall[found.wall].name);
+        cn_run_no_start(run, b, found.depth, found.where, "%s%d points outside the free space", pairs,
+                        found.outside);
         return true;
     }
     return false;
@@ -196,15 +191,16 @@ cn_status cn_run_advance(cn_run_data *run, int b, cn_step_figures *figures)
 
 static void numerics(cn_run_data *run, int b, cn_status status)
 {
-    const double *at = run->state->body[b].x + 3 * run->model->body[b].goal_node;
+    const cn_model_body *body = &run->model->body[b];
+    const bool loose = status == CN_ERR_SINGULAR && !(run->spec[b].material.density > 0);
     cn_run_verdict(
         run, CN_VERDICT_NUMERICS,
         "%s: step %d at t = %.4f s cannot be computed (%s), also in 64 parts; the last good state is kept%s",
         run->spec[b].name, run->state->step + 1, run->state->time, cn_status_text(status),
-        status == CN_ERR_SINGULAR ? ": hold the body (`fixed`) or give it a density" : "");
+        loose ? ": hold the body (`fixed`) or give it a density" : ": try a smaller step");
     snprintf(run->report->verdict.body, sizeof run->report->verdict.body, "%s", run->spec[b].name);
     run->report->verdict.step = run->state->step, run->report->verdict.time = run->state->time;
-    cn_copy3(at, run->report->verdict.position);
+    cn_copy3(run->state->body[b].x + 3 * body->goal_node, run->report->verdict.position);
 }
 
 /* A limit broke: back to a checkpoint on another way, or the verdict. */
@@ -247,11 +243,39 @@ static bool all_arrived(const cn_run_data *run)
     return any;
 }
 
+static void reached(cn_run_data *run)
+{
+    char turn[160] = "";
+    const double degrees = 180 / acos(-1.0);
+    for (int b = 0; b < run->nbody; b++)
+        if (run->body[b].path && run->body[b].path->turn_max > run->spec[b].path.max_turn)
+            snprintf(turn, sizeof turn, "; the path turns by %.3g degrees, more than max_turn_deg %.3g",
+                     degrees * run->body[b].path->turn_max, degrees * run->spec[b].path.max_turn);
+    cn_run_verdict(run, CN_VERDICT_REACHED, "every waypoint reached after %d steps, t = %.3f s, %d replans%s",
+                   run->state->step, run->state->time, run->report->replans, turn);
+}
+
+/* True when a body has passed its deadline on the way. */
+static bool late(cn_run_data *run)
+{
+    for (int b = 0; b < run->nbody; b++) {
+        if (run->spec[b].nwaypoint == 0 || !(run->state->time > run->spec[b].deadline) ||
+            cn_drive_arrived(&run->model->body[b], &run->state->body[b]))
+            continue;
+        cn_run_verdict(run, CN_VERDICT_TIMEOUT,
+                       "%s has not reached its last waypoint by its deadline of %g s", run->spec[b].name,
+                       run->spec[b].deadline);
+        snprintf(run->report->verdict.body, sizeof run->report->verdict.body, "%s", run->spec[b].name);
+        return true;
+    }
+    return false;
+}
+
 static void drive_on(cn_run_data *run)
 {
     double shown = cn_seconds();
     int shown_step = 0;
-    const int last = (int)ceil(run->scene->time_limit / run->scene->step - 1e-9);
+    const double last = ceil(run->scene->time_limit / run->scene->step - 1e-9);
 
     for (int b = 0; b < run->nbody; b++)
         if (run->body[b].path) cn_run_checkpoint(run, b);
@@ -275,7 +299,7 @@ static void drive_on(cn_run_data *run)
                 return;
             }
             if (isinf(one.gap)) one.gap = cn_run_far_gap(run, b, run->trial);
-            run->trial->step = run->state->step + 1, run->trial->time = run->state->time + run->model->dt;
+            run->trial->step = run->state->step + 1, run->trial->time = run->trial->step * run->model->dt;
             if (cn_run_limits(run, b, run->trial, &one, &broken)) broken_body = b;
             figures.newton = one.newton > figures.newton ? one.newton : figures.newton;
             figures.kept += one.kept;
@@ -308,11 +332,10 @@ static void drive_on(cn_run_data *run)
             shown = now, shown_step = run->report->steps;
         }
         if (all_arrived(run)) {
-            cn_run_verdict(run, CN_VERDICT_REACHED,
-                           "every waypoint reached after %d steps, t = %.3f s, %d replans", run->state->step,
-                           run->state->time, run->report->replans);
+            reached(run);
             return;
         }
+        if (late(run)) return;
     }
     bool asked = false;
     for (int b = 0; b < run->nbody; b++)
@@ -348,7 +371,7 @@ static void begin(cn_run_data *run, cn_world *world, const cn_request *request, 
     *run = (cn_run_data){
         .world = world, .scene = world->scene, .request = request, .planner = planner, .hooks = hooks};
     run->shown_step = -1;
-    run->report = report, run->threads = threads > 0 ? threads : 1;
+    run->report = report, run->threads = threads < 1 ? 1 : threads > 64 ? 64 : threads;
     cn_report_refused(report, world->scene, NULL);
     report->threads = run->threads;
     report->verdict.code = CN_VERDICT_UNKNOWN;

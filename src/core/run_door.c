@@ -2,10 +2,12 @@
 #include "run_parts.h"
 
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
+#include "tree.h"
 
 static cn_status add_limits(cn_run_data *run, cn_body_spec *device)
 {
@@ -108,6 +110,9 @@ cn_status cn_run_supported(cn_run_data *run)
         return unsupported(run, "contact.method", "penalty", "use strict or project");
     if (scene->contact.friction > 0)
         return unsupported(run, "contact.friction", "friction", "use friction: 0");
+    if (scene->contact.response == CN_RESPONSE_ELASTIC && scene->contact.method == CN_CONTACT_STRICT)
+        return unsupported(run, "contact.response", "an elastic response in strict contact",
+                           "use method: project, or inelastic");
     if (scene->contact.self == CN_ON)
         return unsupported(run, "contact.self", "self-contact", "use self: auto");
     return CN_OK;
@@ -124,6 +129,74 @@ static cn_status must_be_free(cn_run_data *run, const double p[3], double near, 
                    what, p[0], p[1], p[2], d);
 }
 
+void cn_run_no_start(cn_run_data *run, int b, double depth, const double where[3], const char *format, ...)
+{
+    char what[512];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(what, sizeof what, format, arguments);
+    va_end(arguments);
+    cn_verdict *verdict = &run->report->verdict;
+    cn_run_verdict(run, CN_VERDICT_NO_CONTACT_FREE_START,
+                   "%s starts in contact: %s, %.3g m deep, near [%.4f %.4f %.4f] m: move its start",
+                   run->spec[b].name, what, depth, where[0], where[1], where[2]);
+    snprintf(verdict->body, sizeof verdict->body, "%s", run->spec[b].name);
+    verdict->has_quantity = true, verdict->quantity = CN_QUANTITY_CLEARANCE;
+    verdict->value = -depth, verdict->limit = 0;
+    cn_copy3(where, verdict->position);
+}
+
+bool cn_run_swallowed(cn_run_data *run, int b)
+{
+    const cn_body *body = run->model->body[b].body;
+    double min[3], max[3], nearest[3];
+    cn_tree *tree;
+    bool found = false;
+    int tri;
+    if (run->model->body[b].sheath) return false; /* a chain this thin holds nothing */
+    if (cn_tree_new(&tree, body->boundary->ntri, body->boundary->tri, run->state->body[b].x) != CN_OK)
+        return false;
+    cn_tree_box(tree, min, max);
+    for (int w = 0; w < run->world->nwall && !found; w++)
+        for (int i = 0; i < run->world->wall[w].surface->nvert && !found; i++) {
+            const double *p = run->world->wall[w].surface->vert + 3 * i;
+            if (p[0] < min[0] || p[1] < min[1] || p[2] < min[2] || p[0] > max[0] || p[1] > max[1] ||
+                p[2] > max[2])
+                continue;
+            if (!cn_tree_inside(tree, NULL, p)) continue;
+            const double depth = cn_tree_nearest(tree, p, INFINITY, &tri, nearest);
+            cn_run_no_start(run, b, depth, p, "it holds vertex %d of %.60s", i, run->world->wall[w].name);
+            found = true;
+        }
+    cn_tree_free(tree);
+    return found;
+}
+
+/* A catheter laid along a given direction: the ring of its tip at the entry must lie in the free space. */
+static cn_status ring_is_free(cn_run_data *run, int b)
+{
+    const cn_body_spec *body = &run->spec[b];
+    const double r = 0.5 * body->shape.catheter.diameter, *t = body->shape.catheter.direction;
+    double n[3], m[3], deepest = 0, where[3] = {NAN, NAN, NAN};
+    if (run->world->nvessel == 0 || run->scene->contact.method != CN_CONTACT_STRICT || !(cn_norm(t) > 0))
+        return CN_OK;
+    cn_any_normal(t, n);
+    cn_cross(t, n, m);
+    for (int k = 0; k < 16; k++) {
+        double p[3];
+        const double angle = k * acos(-1.0) / 8;
+        cn_copy3(body->shape.catheter.entry, p);
+        cn_axpy(1e-3 * r, t, p);
+        cn_axpy(r * cos(angle), n, p), cn_axpy(r * sin(angle), m, p);
+        if (cn_world_free_at(run->world, p)) continue;
+        const double depth = cn_world_distance(run->world, p, NULL, NULL, NULL);
+        if (depth > deepest) deepest = depth, cn_copy3(p, where);
+    }
+    if (deepest == 0) return CN_OK;
+    cn_run_no_start(run, b, deepest, where, "the ring of its tip at the entry cuts the wall");
+    return CN_ERR_ARG;
+}
+
 cn_status cn_run_places(cn_run_data *run)
 {
     cn_status status;
@@ -135,9 +208,10 @@ cn_status cn_run_places(cn_run_data *run)
             (status = cn_world_fits(run->world, body->shape.catheter.diameter, &run->error)) != CN_OK)
             return status;
         if (body->shape.kind == CN_SHAPE_CATHETER && run->world->nvessel > 0 &&
-            (status = must_be_free(run, body->shape.catheter.entry, body->shape.catheter.diameter,
+            (status = must_be_free(run, body->shape.catheter.entry, 0.01 * body->shape.catheter.diameter,
                                    "the entry")) != CN_OK)
             return status;
+        if (body->shape.kind == CN_SHAPE_CATHETER && (status = ring_is_free(run, b)) != CN_OK) return status;
         for (int i = 0; i < body->nwaypoint; i++) {
             char what[96];
             snprintf(what, sizeof what, "waypoint %d of %.60s", run->waypoint ? i + 1 : i, body->name);

@@ -115,21 +115,17 @@ bool cn_run_limits(cn_run_data *run, int b, cn_state *trial, const cn_step_figur
     cn_run_body *body = &run->body[b];
     const cn_body_spec *spec = &run->spec[b];
     const cn_body_state *state = &trial->body[b];
-    bool stress = false, any = false;
+    bool stress = false;
 
-    for (int i = 0; i < spec->nlimit; i++) {
+    for (int i = 0; i < spec->nlimit; i++)
         stress |= spec->limit[i].quantity == CN_QUANTITY_STRESS;
-        any |= spec->limit[i].quantity <= CN_QUANTITY_ENERGY;
-    }
-    if (run->scene->leave_out.stress == CN_OFF) stress = any = true;
-    if (any) {
-        const cn_model_body *m = &run->model->body[b];
-        const int held = state->nfree < m->body->nnode ? m->per_station : 0;
-        cn_body_measure(m->body, state->nfree + held, state->x, trial->body[b].rotation, stress,
-                        &body->measures, stress ? body->von_mises : NULL, run->pool);
-        if (body->measures.inverted > run->report->solver.inverted_max)
-            run->report->solver.inverted_max = body->measures.inverted;
-    }
+    if (run->scene->leave_out.stress == CN_OFF) stress = true;
+    const cn_model_body *m = &run->model->body[b];
+    const int held = state->nfree < m->body->nnode ? m->per_station : 0;
+    cn_body_measure(m->body, state->nfree + held, state->x, trial->body[b].rotation, stress, &body->measures,
+                    stress ? body->von_mises : NULL, run->pool);
+    if (body->measures.inverted > run->report->solver.inverted_max)
+        run->report->solver.inverted_max = body->measures.inverted;
     for (int i = 0; i < spec->nlimit; i++) {
         const cn_limit *limit = &spec->limit[i];
         const reading r = read_quantity(run, b, limit, trial, figures);

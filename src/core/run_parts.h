@@ -73,6 +73,12 @@ cn_status cn_run_supported(cn_run_data *run);
 cn_status
 cn_run_places(cn_run_data *run); /* entry and waypoints against the walls; device against the lumen */
 
+/* True when a wall lies within a body: the body begins around it. */
+bool cn_run_swallowed(cn_run_data *run, int body);
+/* The verdict NO_CONTACT_FREE_START with its depth [m], place and what overlaps. */
+void cn_run_no_start(cn_run_data *run, int body, double depth, const double where[3], const char *format, ...)
+    __attribute__((format(printf, 5, 6)));
+
 /* run_plan.c */
 cn_status cn_run_plan_body(cn_run_data *run, int body);
 /* Refuses the place where a limit broke and plans anew; CN_ERR_NO_PATH when nothing else leads on. */

@@ -77,6 +77,51 @@ static cn_status roadmap_lengths(cn_run_body *body)
     return CN_OK;
 }
 
+/* Without walls nothing is in the way: straight from point to point. */
+static cn_status straight_path(cn_path **out, int npoint, const double *point)
+{
+    enum { PIECES = 32 };
+    const int n = PIECES * (npoint - 1) + 1;
+    double *x = malloc(3 * (size_t)n * sizeof *x);
+    int *waypoint = malloc((size_t)npoint * sizeof *waypoint);
+    cn_status status = x && waypoint ? CN_OK : CN_ERR_MEMORY;
+    for (int i = 0; status == CN_OK && i < n; i++) {
+        const int leg = i / PIECES < npoint - 1 ? i / PIECES : npoint - 2;
+        const double t = (double)(i - PIECES * leg) / PIECES;
+        for (int k = 0; k < 3; k++)
+            x[3 * i + k] = (1 - t) * point[3 * leg + k] + t * point[3 * leg + 3 + k];
+    }
+    for (int w = 1; status == CN_OK && w < npoint; w++)
+        waypoint[w - 1] = PIECES * w;
+    if (status == CN_OK) status = cn_path_new(out, n, x, npoint - 1, waypoint, NULL);
+    for (int i = 0; status == CN_OK && i < n; i++)
+        (*out)->clearance[i] = INFINITY;
+    free(x), free(waypoint);
+    return status;
+}
+
+/* True when every waypoint lies within its tolerance of the start: there is nothing to plan. */
+static bool at_the_goal(const cn_body_spec *spec, const double *start)
+{
+    for (int i = 0; i < spec->nwaypoint; i++)
+        if (!(cn_distance(start, spec->waypoint + 3 * i) <= spec->waypoint_tolerance)) return false;
+    return true;
+}
+
+static cn_status long_enough(cn_run_data *run, const cn_body_spec *spec, const cn_path *path)
+{
+    const bool sheath = spec->shape.catheter.sheath == CN_ON ||
+                        (spec->shape.catheter.sheath == CN_AUTO && run->world->nvessel > 0);
+    const double length = spec->shape.catheter.length,
+                 way = cn_path_length(path) + spec->shape.catheter.inserted;
+    if (!sheath || way <= length) return CN_OK;
+    return cn_fail(
+        &run->error, CN_ERR_SCENE, run->scene->path, 0,
+        "%s is %.4g m long and its way to the last waypoint %.4g m: it would leave its sheath; give it more "
+        "length",
+        spec->name, length, way);
+}
+
 cn_status cn_run_plan_body(cn_run_data *run, int b)
 {
     cn_body_spec *spec = &run->spec[b];
@@ -92,6 +137,10 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
     if (spec->nwaypoint == 0) return CN_OK;
     if (!(point = malloc(3 * ((size_t)spec->nwaypoint + 1) * sizeof *point))) return CN_ERR_MEMORY;
     start_point(run, b, point);
+    if (at_the_goal(spec, point)) {
+        free(point);
+        return CN_OK;
+    }
     for (int i = 0; i < spec->nwaypoint; i++)
         stand_in(run, query.radius + spec->path.clearance, spec->waypoint + 3 * i, point + 3 * (i + 1));
     query.device_diameter = catheter ? spec->shape.catheter.diameter : 0;
@@ -102,8 +151,10 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
     query.threads = run->threads, query.cancel = run->hooks ? run->hooks->cancel : NULL;
 
     const double start = cn_seconds();
-    status = cn_plan_path(&path, &query, run->planner, &roadmap, &run->error);
-    if (status == CN_OK && catheter &&
+    roadmap.reproducible = true;
+    status = run->world->nwall == 0 ? straight_path(&path, query.npoint, point)
+                                    : cn_plan_path(&path, &query, run->planner, &roadmap, &run->error);
+    if (status == CN_OK && run->world->nwall > 0 && catheter &&
         !directed) { /* a straight start: along the chord of the first stretch */
         double *direction = spec->shape.catheter.direction;
         cn_place ahead;
@@ -117,6 +168,7 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
         status = cn_plan_path(&path, &query, run->planner, &roadmap, &run->error);
     }
     run->report->time.planning_s += cn_seconds() - start;
+    if (status == CN_OK && catheter) status = long_enough(run, spec, path);
     if (status == CN_OK) {
         if (!roadmap.reproducible) run->report->reproducible = false;
         meet_wishes(path, spec, point,
@@ -211,6 +263,8 @@ cn_status cn_run_replan(cn_run_data *run, int b)
     const double *goal = run->state->body[b].x + 3 * model->goal_node;
     cn_path *old = NULL;
     cn_status status;
+
+    if (!run->world->map) return CN_ERR_NO_PATH; /* nothing to go around */
 
     if (body->nrefused == body->refused_capacity) {
         const int capacity = 2 * body->refused_capacity + 8;

@@ -92,17 +92,9 @@ static void body_figures(cn_run_data *run, int b, cn_body_report *out)
     cn_copy3(state->x + 3 * model->goal_node, out->goal);
     cn_copy3(out->goal, out->tip);
     if (model->catheter) cn_copy3(state->x, out->tip);
-    if (run->spec[b].shape.kind == CN_SHAPE_BEAM) { /* centre of the +x face of the rest shape */
-        double most = -INFINITY;
-        int n = 0;
-        for (int i = 0; i < body->nnode; i++)
-            most = fmax(most, body->rest[3 * i]);
-        out->tip[0] = out->tip[1] = out->tip[2] = 0;
-        for (int i = 0; i < body->nnode; i++)
-            if (body->rest[3 * i] >= most - 1e-9 * model->size) cn_axpy(1, state->x + 3 * i, out->tip), n++;
-        for (int k = 0; k < 3; k++)
-            out->tip[k] /= n;
-    }
+    if (model->ntip > 0) out->tip[0] = out->tip[1] = out->tip[2] = 0;
+    for (int i = 0; i < model->ntip; i++)
+        cn_axpy(1.0 / model->ntip, state->x + 3 * model->tip[i], out->tip);
     out->goal_distance = NAN;
     if (run->spec[b].nwaypoint > 0)
         out->goal_distance = cn_distance(out->goal, run->spec[b].waypoint + 3 * (run->spec[b].nwaypoint - 1));

@@ -30,6 +30,7 @@ typedef struct {
     unsigned char *fixed;      /* held by the scene (nnode) */
     int nload;
     cn_nodal_load *load;
+    int ntip, *tip; /* nodes of a beam's +x face */
     int goal_node;
     int ncontrol; /* nodes of a uniform drive */
     int *control;

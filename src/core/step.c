@@ -138,13 +138,14 @@ static double norm_free(const stepping *s, const double *f)
 static void external_force(const stepping *s, double time)
 {
     cn_work *work = s->work;
+    const double late = 1e-6 * s->dt; /* a load's window counts whole steps */
     const cn_model_body *body = work->body;
     for (int i = 0; i < s->nfree; i++)
         for (int k = 0; k < 3; k++)
             work->external[3 * i + k] =
                 body->body->mass[i] * work->model->gravity[k] + work->drive.force[3 * i + k];
     for (int l = 0; l < body->nload; l++)
-        if (time > body->load[l].from && time <= body->load[l].until)
+        if (time > body->load[l].from + late && time <= body->load[l].until + late)
             for (int i = 0; i < 3 * s->nfree; i++)
                 work->external[i] += body->load[l].force[i];
 }
@@ -207,15 +208,17 @@ static double evaluate(const stepping *s, const double *x, const double *u, int 
     return inertia + elastic + path + contact - load;
 }
 
-/* Below this the gradient is round-off of the elastic forces. */
+/* Below this the gradient is round-off of the elastic forces: strain carries the round-off of positions, over
+ * the elements' size. */
 static double gradient_floor(const stepping *s)
 {
     const cn_model_body *body = s->work->body;
-    const double h = cbrt(body->body->rest_volume / body->body->ntet);
+    const double h = cbrt(body->body->rest_volume / body->body->ntet), nu = body->spec->material.poisson;
     double far = 0;
-    for (int k = 0; k < 3; k++)
-        far = fmax(far, fabs(s->x[k]));
-    return 2e-15 * body->spec->material.young * h * (far + body->size) * sqrt((double)s->nfree);
+    for (int i = 0; i < s->nfree; i++)
+        far = fmax(far, fabs(s->x[3 * i]) + fabs(s->x[3 * i + 1]) + fabs(s->x[3 * i + 2]));
+    const double stiff = body->spec->material.young * (1 + fmax(nu, 0) / (1 - 2 * nu));
+    return 4e-15 * stiff * h * (far + body->size) * sqrt((double)s->nfree);
 }
 
 static double longest(const stepping *s, const double *dx)
@@ -376,7 +379,8 @@ static cn_status minimise(const stepping *s, cn_step_figures *figures)
     for (figures->newton = 0;;) {
         if (!isfinite(energy)) return CN_ERR_NOT_FINITE;
         const double residual = norm_free(s, work->gradient);
-        if (figures->newton && residual <= fmax(tolerance * work->residual_scale, gradient_floor(s)))
+        const double floor = gradient_floor(s);
+        if (residual <= (figures->newton ? fmax(tolerance * work->residual_scale, floor) : floor))
             return CN_OK;
         if (figures->newton == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
         if (keep && figures->newton && residual > 0.2 * before) { /* too stale to gain by */
@@ -390,7 +394,7 @@ static cn_status minimise(const stepping *s, cn_step_figures *figures)
         if ((status = allowed(s, s->x, work->dx, &fraction)) != CN_OK) return status;
 
         /* Where the promised decrease is lost in the energy's round-off the gradient decides. */
-        const bool lost = -slope <= 1e-9 * work->energy_size;
+        const bool lost = -slope <= 1e-11 * work->energy_size;
         for (int half = 0;; half++, fraction *= 0.5) {
             if (half == 40) return lost ? CN_OK : CN_ERR_CONVERGENCE;
             for (int i = 0; i < 3 * s->nfree; i++) {
@@ -502,8 +506,13 @@ cn_status cn_step(const cn_model *model, int ibody, const cn_state *state, cn_st
         figures->wall_force =
             cn_contact_patch_force(body->contact, work->contact, to->x, figures->wall_where, &wall);
     } else if (body->contact && model->scene->contact.method == CN_CONTACT_PROJECT) {
+        memcpy(work->trial, to->v, 3 * (size_t)s.nfree * sizeof(double));
         cn_contact_project(body->contact, work->contact, s.nfree, to->x, to->v,
                            model->scene->contact.response, model->scene->contact.restitution, 20);
+        double impulse[3] = {0, 0, 0};
+        for (int i = 0; i < 3 * s.nfree; i++)
+            impulse[i % 3] += body->body->mass[i / 3] * (to->v[i] - work->trial[i]);
+        figures->wall_force = cn_norm(impulse) / dt;
     }
     cn_sheath_release(body, to);
     cn_drive_progress(body, to, path);
@@ -514,6 +523,8 @@ cn_status cn_step(const cn_model *model, int ibody, const cn_state *state, cn_st
                                   &figures->findings, work->pool);
         if (figures->findings.outside) figures->gap = fmin(figures->gap, -figures->findings.depth);
     }
+    if (s.strict && status == CN_OK && figures->findings.intersections + figures->findings.outside > 0)
+        status = CN_ERR_NOT_FREE; /* never accepted, whatever the response made of it */
     work->collision_s += seconds() - contact_start;
     figures->collision_s = work->collision_s;
     figures->fem_s = seconds() - start - work->collision_s;
@@ -542,16 +553,26 @@ double cn_step_residual(const cn_model *model, int ibody, const cn_state *state,
     if (s.strict &&
         cn_contact_find(body->contact, work->contact, s.nfree, to->x, NULL, 0, 0, work->pool) == CN_OK)
         cn_contact_add(body->contact, work->contact, to->x, work->touch, NULL, false, work->pool);
+    /* projection moves nodes after the solve: what the step made of them is what counts */
+    const bool moved = model->scene->contact.method == CN_CONTACT_PROJECT;
+    memset(work->damped, 0, active);
+    if (work->damping.value) { /* of the tangent at the step's start, as in the step */
+        for (int i = 0; i < 3 * s.nactive; i++)
+            work->moved[i] = i < 3 * s.nfree ? (to->x[i] - from->x[i]) * b->damping_stiffness / dt : 0;
+        cn_matrix_multiply(&work->damping, s.nfree, work->moved, work->damped, work->pool);
+    }
     for (int i = 0; i < 3 * s.nfree; i++) {
         if (body->fixed[i / 3]) continue;
-        const double m = b->mass[i / 3], v1 = (to->x[i] - from->x[i]) / dt;
+        const double m = b->mass[i / 3], v1 = moved ? (to->x[i] - from->x[i]) / dt : to->v[i];
         const double inertial = (model->inertia ? m * (v1 - from->v[i]) / dt : 0) + b->damping * m * v1;
-        const double rest = inertial - work->elastic[i] - work->external[i] - work->path[i] - work->touch[i];
-        sums[0] += rest * rest, sums[1] += inertial * inertial;
+        const double left = inertial + work->damped[i] - work->elastic[i] - work->external[i] -
+                            work->path[i] - work->touch[i];
+        sums[0] += left * left, sums[1] += inertial * inertial;
         sums[2] += work->elastic[i] * work->elastic[i], sums[3] += work->external[i] * work->external[i];
     }
-    const double scale = fmax(sums[1], fmax(sums[2], sums[3]));
-    return scale > 0 ? sqrt(sums[0] / scale) : 0;
+    const double scale = sqrt(fmax(sums[1], fmax(sums[2], sums[3]))), floor = gradient_floor(&s);
+    const double rest = sqrt(sums[0]);
+    return rest > floor ? rest / fmax(scale, floor) : 0;
 }
 
 cn_status cn_work_check(const cn_model *model, int ibody, const cn_state *state, cn_work *work,

