@@ -29,7 +29,7 @@ test-reference: build
 	@$(CTEST) -L reference > $(BUILD)/test.log 2>&1; sh $(CURDIR)/scripts/test_summary.sh $(BUILD)/test.log
 
 study: build
-	$(BIN) study $(BUILD)/study
+	$(BIN) study paper launch/scenes/liver.yaml --out $(BUILD)/study
 
 clean:
 	rm -rf $(BUILD)

@@ -54,32 +54,32 @@ void cn_place_points(const cn_placement *placement, int n, double *points);
 /* What a surface is like. Indices are into the merged surface. */
 #define CN_DOCTOR_LISTED 16
 typedef struct {
-    int nvert, ntri;       /* after merging */
-    int merged;            /* duplicate vertices merged (exactly equal positions) */
-    int degenerate;        /* triangles with a repeated vertex or no area */
-    int duplicate;         /* triangles present twice */
-    int unused;            /* vertices no triangle uses */
-    int nonmanifold_edges; /* edges of more than two triangles */
-    int mixed_edges;       /* edges both of whose triangles run the same way */
-    int loops;             /* boundary loops */
+    int nvert, ntri;                        /* after merging */
+    int merged;                             /* duplicate vertices merged (exactly equal positions) */
+    int degenerate;                         /* triangles with a repeated vertex or no area */
+    int duplicate;                          /* triangles present twice */
+    int unused;                             /* vertices no triangle uses */
+    int nonmanifold_edges;                  /* edges of more than two triangles */
+    int mixed_edges;                        /* edges both of whose triangles run the same way */
+    int loops;                              /* boundary loops */
     double loop_diameter[CN_DOCTOR_LISTED]; /* equal-perimeter circle [m] of the first loops */
     int components;
-    int genus;             /* of a closed manifold single component, else -1 */
+    int genus; /* of a closed manifold single component, else -1 */
     bool closed, manifold, oriented;
-    double volume;         /* signed [m^3], loops capped by fans; negative: inward */
-    bool turned;           /* uniformly inward orientation was turned outward */
-    int crossing_pairs;    /* self-crossing triangle pairs (not sharing a vertex) */
+    double volume;                     /* signed [m^3], loops capped by fans; negative: inward */
+    bool turned;                       /* uniformly inward orientation was turned outward */
+    int crossing_pairs;                /* self-crossing triangle pairs (not sharing a vertex) */
     int crossing[CN_DOCTOR_LISTED][2]; /* the first of them */
-    int slivers;           /* triangles with an angle below 0.5 degrees */
-    double min[3], max[3], size; /* bounding box and its diagonal [m] */
-    char unit_guess[64];   /* e.g. "metres", "looks like millimetres: try scale 0.001" */
-    int nonmanifold_vertices; /* vertices whose triangles form more than one fan */
-    int mixed_components;  /* closed components whose orientation contradicts their nesting */
+    int slivers;                       /* triangles with an angle below 0.5 degrees */
+    double min[3], max[3], size;       /* bounding box and its diagonal [m] */
+    char unit_guess[64];               /* e.g. "metres", "looks like millimetres: try scale 0.001" */
+    int nonmanifold_vertices;          /* vertices whose triangles form more than one fan */
+    int mixed_components;              /* closed components whose orientation contradicts their nesting */
     /* the first of each, for the sentences; -1: none */
     int first_degenerate, first_duplicate[2], first_nonmanifold[2], first_mixed[2], first_mixed_component;
     int first_nonmanifold_vertex;
-    int loop_edges[CN_DOCTOR_LISTED];         /* edges of the first loops */
-    double loop_centre[CN_DOCTOR_LISTED][3];  /* mean of their edges' midpoints, weighted by length [m] */
+    int loop_edges[CN_DOCTOR_LISTED];        /* edges of the first loops */
+    double loop_centre[CN_DOCTOR_LISTED][3]; /* mean of their edges' midpoints, weighted by length [m] */
 } cn_doctor;
 
 /* Merges exactly equal vertices (counted), turns uniformly inward orientation (counted), measures the
@@ -97,9 +97,9 @@ char *cn_doctor_text(const cn_doctor *doctor, const char *name);
 char *cn_doctor_json(const cn_doctor *doctor, const char *name);
 
 /* Fills a closed surface by the `tetgen` command (temporary folder, time and memory limit), after the
- * crossing test; `max_volume` of one tetrahedron [m^3], 0: the mesher's choice (the surface is kept as it is, so
- * beside large triangles tetrahedra stay larger). Its vertices come first, in the surface's order without the
- * unused ones, exactly where they were. CN_ERR_MESH: refused before; CN_ERR_MESHER: the mesher failed. */
+ * crossing test; `max_volume` of one tetrahedron [m^3], 0: the mesher's choice (the surface is kept as it is,
+ * so beside large triangles tetrahedra stay larger). Its vertices come first, in the surface's order without
+ * the unused ones, exactly where they were. CN_ERR_MESH: refused before; CN_ERR_MESHER: the mesher failed. */
 cn_status cn_tets_fill(cn_tets **out, const cn_surface *surface, double max_volume, cn_error *error);
 /* Refuses what FEM cannot use (index, zero or negative volume, duplicate, unused node, non-manifold face);
  * negatively oriented tetrahedra are turned and counted in *turned. */
@@ -107,14 +107,17 @@ cn_status cn_tets_check(cn_tets *tets, int *turned, cn_error *error);
 /* What a tetrahedral mesh is like; indices are the mesh's. */
 typedef struct {
     int nnode, ntet, unused;
-    int inverted, flat;             /* negative volume; none (|V| <= 1e-14 of the mean) */
-    int nonmanifold_faces;          /* faces of more than two tetrahedra */
-    int components, boundary;       /* joined by faces; outer triangles */
-    double volume, volume_min, volume_max;       /* total; of one tetrahedron [m^3] */
-    double dihedral_min, dihedral_max; int dihedral_min_tet, dihedral_max_tet; /* [degrees] */
-    double quality_min, quality_mean; int quality_min_tet; /* mean ratio, 12 (3 V)^(2/3) / sum of edge^2: 1 regular, 0 flat */
-    double aspect_max; int aspect_max_tet;       /* longest edge / (2 sqrt(6) inscribed radius): 1 regular */
-    int slivers;                                 /* tetrahedra with a dihedral angle below 1 degree */
+    int inverted, flat;                    /* negative volume; none (|V| <= 1e-14 of the mean) */
+    int nonmanifold_faces;                 /* faces of more than two tetrahedra */
+    int components, boundary;              /* joined by faces; outer triangles */
+    double volume, volume_min, volume_max; /* total; of one tetrahedron [m^3] */
+    double dihedral_min, dihedral_max;
+    int dihedral_min_tet, dihedral_max_tet; /* [degrees] */
+    double quality_min, quality_mean;
+    int quality_min_tet; /* mean ratio, 12 (3 V)^(2/3) / sum of edge^2: 1 regular, 0 flat */
+    double aspect_max;
+    int aspect_max_tet; /* longest edge / (2 sqrt(6) inscribed radius): 1 regular */
+    int slivers;        /* tetrahedra with a dihedral angle below 1 degree */
     double min[3], max[3], size;
     char unit_guess[64];
 } cn_tets_doctor;
@@ -135,13 +138,14 @@ cn_status cn_tets_catheter(cn_tets **out, double length, double diameter, double
 /* Box [0,size] cut into cells, six (Kuhn) tetrahedra each, mirrored in odd cells. */
 cn_status cn_tets_beam(cn_tets **out, const double size[3], const int cells[3], cn_error *error);
 /* Shapes for obstacles and tests; outward. The sphere is an icosphere with its vertices on the radius (the
- * faces lie at most 0.2 % of it inside); the plane an open square of side 2 extent about the point. */
+ * faces lie at most 0.2 % of it inside); the plane one open triangle whose inscribed circle about the point
+ * has radius extent. */
 cn_status cn_surface_sphere(cn_surface **out, const double centre[3], double radius);
 cn_status cn_surface_box(cn_surface **out, const double min[3], const double max[3]);
 cn_status cn_surface_plane(cn_surface **out, const double point[3], const double normal[3], double extent);
 /* Tube wall swept along axis points (naxis x 3) with inner radius per point: outer (radius + thickness) minus
- * inner when thickness > 0 (closed solid), else one open surface of that radius, oriented outward. Rings stand
- * across the axis, twist-free. */
+ * inner when thickness > 0 (closed solid), else one open surface of that radius, oriented outward. Rings
+ * stand across the axis, twist-free. */
 cn_status cn_surface_tube(cn_surface **out, int naxis, const double *axis, const double *radius,
                           double thickness, int sides);
 

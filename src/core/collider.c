@@ -2,6 +2,8 @@
 #include "contact.h"
 
 #include <stdlib.h>
+#include "catnav/vec3.h"
+#include "geometry.h"
 
 typedef struct {
     int low, high, corner;
@@ -28,7 +30,47 @@ static bool better_owner(const int *tri, int candidate, int owner)
     return owner < 0 || highest_node(tri + 3 * candidate) < highest_node(tri + 3 * owner);
 }
 
-cn_status cn_collider_new(cn_collider **out, int ntri, const int *tri, int nnode)
+/* Two triangles that share the edge and lie in one plane on opposite sides of it. */
+static bool coplanar(const int *tri, const double *vert, int corner1, int corner2)
+{
+    const int *a = tri + 3 * (corner1 / 3), *b = tri + 3 * (corner2 / 3);
+    const double *d = vert + 3 * b[(corner2 + 2 - 3 * (corner2 / 3)) % 3];
+    double e[3], f[3], n[3], m[3];
+    if (cn_orient3d(vert + 3 * a[0], vert + 3 * a[1], vert + 3 * a[2], d) != 0) return false;
+    cn_sub(vert + 3 * a[1], vert + 3 * a[0], e), cn_sub(vert + 3 * a[2], vert + 3 * a[0], f),
+        cn_cross(e, f, n);
+    cn_sub(vert + 3 * b[1], vert + 3 * b[0], e), cn_sub(vert + 3 * b[2], vert + 3 * b[0], f),
+        cn_cross(e, f, m);
+    return cn_dot(n, m) > 0;
+}
+
+/* Moves flat edges and corners from `owns` to `flat`; `bent` counts the other edges at each node. */
+static void mark_flat(cn_collider *c, const half_edge *half, const double *vert, int *bent)
+{
+    for (int h = 0, end; h < 3 * c->ntri; h = end) {
+        for (end = h; end < 3 * c->ntri && half[end].low == half[h].low && half[end].high == half[h].high;)
+            end++;
+        if (end - h != 2 || !coplanar(c->tri, vert, half[h].corner, half[h + 1].corner)) {
+            bent[half[h].low]++, bent[half[h].high]++;
+            continue;
+        }
+        for (int k = h; k < end; k++) {
+            const int t = half[k].corner / 3, bit = 8 << half[k].corner % 3;
+            c->flat[t] |= (unsigned char)bit;
+            c->above[t] |= (unsigned char)(c->owns[t] & bit);
+            c->owns[t] &= (unsigned char)~bit;
+        }
+    }
+    for (int i = 0; i < 3 * c->ntri; i++)
+        if (bent[c->tri[i]] == 0) {
+            const int t = i / 3, bit = 1 << i % 3;
+            c->flat[t] |= (unsigned char)bit;
+            c->above[t] |= (unsigned char)(c->owns[t] & bit);
+            c->owns[t] &= (unsigned char)~bit;
+        }
+}
+
+cn_status cn_collider_new(cn_collider **out, int ntri, const int *tri, int nnode, const double *vert)
 {
     cn_collider *collider = calloc(1, sizeof *collider);
     half_edge *half = NULL;
@@ -67,6 +109,13 @@ cn_status cn_collider_new(cn_collider **out, int ntri, const int *tri, int nnode
     for (int i = 0; i < nnode; i++)
         if (owner[i] >= 0) collider->owns[owner[i] / 3] |= (unsigned char)(1 << owner[i] % 3);
 
+    if (vert) {
+        collider->flat = calloc((size_t)ntri + 1, 1), collider->above = calloc((size_t)ntri + 1, 1);
+        if (!collider->flat || !collider->above) goto fail;
+        for (int i = 0; i < nnode; i++)
+            owner[i] = 0;
+        mark_flat(collider, half, vert, owner);
+    }
     free(half), free(owner);
     *out = collider;
     return CN_OK;
@@ -80,5 +129,6 @@ void cn_collider_free(cn_collider *collider)
 {
     if (!collider) return;
     free(collider->edge), free(collider->tri_edge), free(collider->owns);
+    free(collider->flat), free(collider->above);
     free(collider);
 }

@@ -22,18 +22,22 @@ typedef struct {
     int *edge;           /* node indices, ascending (nedge x 2) */
     int *tri_edge;       /* edge k joins corners k and k+1 (ntri x 3) */
     unsigned char *owns; /* bit k: corner k, bit 3+k: edge k (ntri) */
+    /* of a wall: edges between coplanar triangles, and corners amid such edges, touch nothing of their own */
+    unsigned char *flat;  /* same bits (ntri), NULL: none */
+    unsigned char *above; /* same bits: the one triangle that counts for a node right above such a place */
 } cn_collider;
-cn_status cn_collider_new(cn_collider **out, int ntri, const int *tri, int nnode);
+/* vert (nnode x 3): of a wall at rest; NULL: a body's, which bends. */
+cn_status cn_collider_new(cn_collider **out, int ntri, const int *tri, int nnode, const double *vert);
 void cn_collider_free(cn_collider *collider);
 
 typedef enum { CN_PAIR_NODE_TRIANGLE, CN_PAIR_TRIANGLE_VERTEX, CN_PAIR_EDGES } cn_pair_kind;
 typedef struct {
     cn_pair_kind kind;
-    int wall;
-    int a[3];       /* body nodes: 1, 3, 2 of them by kind */
-    int b[3];       /* wall vertices: 3, 1, 2 by kind */
-    double found;   /* distance at `from` [m] */
-    double mollify; /* edges: threshold on |ea x eb|^2 [m^4] */
+    int wall, triangle; /* of the wall: nodes against triangles only */
+    int a[3];           /* body nodes: 1, 3, 2 of them by kind */
+    int b[3];           /* wall vertices: 3, 1, 2 by kind */
+    double found;       /* distance at `from` [m] */
+    double mollify;     /* edges: threshold on |ea x eb|^2 [m^4] */
 } cn_pair;
 
 /* What contact needs to know of one body and all walls; fixed in a run. */

@@ -16,6 +16,7 @@ typedef struct {
     double direction[3]; /* d distance / d node = weight * direction */
     double wall[3];      /* nearest point of the wall */
     double distance;
+    double bary[3]; /* of the wall's nearest point, nodes against triangles only */
     /* where the nearest points are free to slide: how body minus wall point changes, and the body's weights
      * with it */
     int nslide;
@@ -51,7 +52,7 @@ static void slide_on_edge(nearest *out, double s, const double *from, const doub
 static void nearest_of(const cn_pair *pair, const double *x, const double *y, nearest *out)
 {
     const int *a = pair->a, *b = pair->b;
-    double body[3] = {0, 0, 0}, bary[3], s, t;
+    double body[3] = {0, 0, 0}, *bary = out->bary, s, t;
 
     out->nslide = 0;
     if (pair->kind == CN_PAIR_NODE_TRIANGLE) {
@@ -84,6 +85,26 @@ static void nearest_of(const cn_pair *pair, const double *x, const double *y, ne
     }
     cn_sub(body, out->wall, out->direction);
     cn_normalise(out->direction);
+}
+
+/* True where the neighbours across a flat edge or corner answer for this pair: the node lies over one of
+ * them, or right above the edge and another triangle counts for it. So a flat wall pushes along its normal
+ * however it is cut into triangles. */
+static bool passed_over(const cn_contact_model *model, const cn_pair *pair, const double *x,
+                        const nearest *at)
+{
+    if (pair->kind != CN_PAIR_NODE_TRIANGLE) return false;
+    const cn_collider *wall = model->wall_collider[pair->wall];
+    int zero = 0, bit = 0;
+    for (int k = 0; k < 3; k++)
+        if (!(at->bary[k] > 0)) zero++, bit = 8 << (k + 1) % 3;
+    if (zero == 2)
+        for (int k = 0; k < 3; k++)
+            if (at->bary[k] > 0) bit = 1 << k;
+    if (zero == 0 || !(wall->flat[pair->triangle] & bit)) return false;
+    const double *plane = model->wall_plane[pair->wall] + 4 * pair->triangle;
+    const double height = fabs(cn_dot(plane, x + 3 * pair->a[0]) - plane[3]);
+    return at->distance > height * (1 + 1e-9) || !(wall->above[pair->triangle] & bit);
 }
 
 /* Second derivative of d^2/2 by nodes k and l: the nearest points slide so that it stays least, hence
@@ -195,6 +216,7 @@ double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const 
         double b, b1, b2, dm[3];
         nearest at;
         nearest_of(pair, x, y, &at);
+        if (passed_over(model, pair, x, &at)) continue;
         barrier(at.distance, model->gap, &b, &b1, &b2);
         const double m = mollifier(pair, x, y, dm);
         energy += model->kappa * m * b;
@@ -315,6 +337,7 @@ double cn_contact_patch_force(const cn_contact_model *model, cn_contact *contact
                 double b, b1, b2, dm[3];
                 nearest at;
                 nearest_of(pair, x, y, &at);
+                if (passed_over(model, pair, x, &at)) continue;
                 barrier(at.distance, model->gap, &b, &b1, &b2);
                 const double size = -model->kappa * mollifier(pair, x, y, dm) * b1;
                 double *force = contact->patch_force + 6 * root_of(contact->patch, base + pair->b[0]);

@@ -121,7 +121,8 @@ static bool add_triangle_pair(void *user, int ia, int ib)
     for (int k = 0; k < 3; k++) {
         if (!(oa >> k & 1) || a[k] >= s->nfree) continue;
         body_box(s, 1, a + k, amin, amax);
-        cn_pair pair = {.kind = CN_PAIR_NODE_TRIANGLE, .a = {a[k], -1, -1}, .b = {b[0], b[1], b[2]}};
+        cn_pair pair = {
+            .kind = CN_PAIR_NODE_TRIANGLE, .triangle = ib, .a = {a[k], -1, -1}, .b = {b[0], b[1], b[2]}};
         if (boxes_meet(amin, amax, bmin, bmax) && !add_pair(s, &pair)) return false;
     }
     if (!inside) return true; /* a triangle with a corner in the sheath is not tested against the walls */
@@ -172,7 +173,8 @@ static void find_inner(search *s, int p)
             for (int k = 0; k < (found <= NEAR ? found : wall->ntri); k++) {
                 const int t = found <= NEAR ? near[k] : k; /* too many for the list: all are looked at */
                 const int *b = wall->tri + 3 * t;
-                cn_pair pair = {.kind = CN_PAIR_NODE_TRIANGLE, .a = {i, -1, -1}, .b = {b[0], b[1], b[2]}};
+                cn_pair pair = {
+                    .kind = CN_PAIR_NODE_TRIANGLE, .triangle = t, .a = {i, -1, -1}, .b = {b[0], b[1], b[2]}};
                 if (!add_pair(s, &pair)) return;
             }
         }

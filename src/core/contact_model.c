@@ -91,10 +91,10 @@ cn_status cn_contact_model_new(cn_contact_model **out, const cn_body *body, cons
     model->wall_plane = calloc((size_t)world->nwall + 1, sizeof *model->wall_plane);
     if (!model->wall_collider || !model->wall_plane) goto fail;
     if ((status = sorted_triangles(&model->tri, body)) != CN_OK) goto fail;
-    status = cn_collider_new(&model->collider, body->boundary->ntri, model->tri, body->nnode);
+    status = cn_collider_new(&model->collider, body->boundary->ntri, model->tri, body->nnode, NULL);
     for (int w = 0; w < world->nwall && status == CN_OK; w++) {
         const cn_surface *wall = world->wall[w].surface;
-        status = cn_collider_new(&model->wall_collider[w], wall->ntri, wall->tri, wall->nvert);
+        status = cn_collider_new(&model->wall_collider[w], wall->ntri, wall->tri, wall->nvert, wall->vert);
         if (status == CN_OK) status = planes_of(&model->wall_plane[w], wall);
     }
     if (status == CN_OK) status = inner_nodes(model);

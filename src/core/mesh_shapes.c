@@ -249,16 +249,16 @@ cn_status cn_surface_plane(cn_surface **out, const double point[3], const double
     if (!(length > 0 && length < INFINITY) || !(extent > 0 && extent < INFINITY) ||
         !isfinite(cn_norm2(point)))
         return CN_ERR_ARG;
-    if ((status = cn_surface_new(&s, 4, 2)) != CN_OK) return status;
+    if ((status = cn_surface_new(&s, 3, 1)) != CN_OK) return status;
     cn_any_normal(n, u);
     cn_cross(n, u, v);
-    for (int i = 0; i < 4; i++) { /* counter-clockwise seen from the side the normal points to */
-        double *x = s->vert + 3 * i;
-        cn_copy3(point, x);
-        cn_axpy(i == 0 || i == 3 ? -extent : extent, u, x);
-        cn_axpy(i < 2 ? -extent : extent, v, x);
+    for (int i = 0; i < 3; i++) { /* counter-clockwise seen from the side the normal points to */
+        const double angle = 2 * acos(-1.0) * i / 3;
+        cn_copy3(point, s->vert + 3 * i);
+        cn_axpy(2 * extent * cos(angle), u, s->vert + 3 * i);
+        cn_axpy(2 * extent * sin(angle), v, s->vert + 3 * i);
+        s->tri[i] = i;
     }
-    memcpy(s->tri, (const int[6]){0, 1, 2, 0, 2, 3}, 6 * sizeof *s->tri);
     *out = s;
     return CN_OK;
 }

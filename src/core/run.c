@@ -56,11 +56,14 @@ static void refuse(cn_run_data *run, cn_status status)
 static cn_status make_map(cn_run_data *run)
 {
     double radius = 0;
+    bool needed = run->world->nvessel > 0;
     cn_status status;
     for (int b = 0; b < run->nbody; b++)
         if (run->spec[b].shape.kind == CN_SHAPE_CATHETER)
             radius = fmax(radius, 0.5 * run->spec[b].shape.catheter.diameter);
-    if (!run->world->map && run->world->nwall > 0) {
+    for (int b = 0; b < run->nbody; b++)
+        needed |= run->spec[b].nwaypoint > 0;
+    if (needed && !run->world->map && run->world->nwall > 0) { /* nothing is planned, nothing is mapped */
         stage(run, CN_STAGE_MAP, 0);
         const double start = cn_seconds();
         if ((status = cn_world_map(run->world, radius, run->threads, &run->error)) != CN_OK) return status;

@@ -38,12 +38,14 @@ cn_status cn_reader_fail(reader_t *r, cn_status status, int node, const char *fo
 /* "expected X, found Y" */
 cn_status cn_reader_expected(reader_t *r, const cn_key *key, int node)
 {
-    static const char *const kinds[] = {"", "a list", "a map"};
+    static const char *const kinds[] = {"", "a list", "a map"}, *const empty[] = {"", "an empty list",
+                                                                                  "an empty map"};
     const cn_yaml_node *n = &r->tree.node[node];
     char expected[160], found[61];
     cn_key_expected(key, sizeof expected, expected);
     if (n->kind != CN_YAML_SCALAR)
-        return cn_reader_fail(r, CN_ERR_PARSE, node, "expected %s, found %s", expected, kinds[n->kind]);
+        return cn_reader_fail(r, CN_ERR_PARSE, node, "expected %s, found %s", expected,
+                              n->count == 0 ? empty[n->kind] : kinds[n->kind]);
     if (n->length == 0) return cn_reader_fail(r, CN_ERR_PARSE, node, "expected %s, found nothing", expected);
     snprintf(found, sizeof found, "%s", cn_yaml_text(&r->tree, node));
     for (char *c = found; *c; c++)

@@ -159,6 +159,29 @@ static void grow_by_bodies(cn_world *world)
     }
 }
 
+/* Where bodies begin, and how far their start velocity may take them: what a plane must lie under. */
+static double bodies_reach(const cn_scene *scene, double min[3], double max[3])
+{
+    double run = 0;
+    for (int b = 0; b < scene->nbody; b++) {
+        const cn_body_spec *body = scene->body + b;
+        cn_placement placement = body->shape.placement;
+        double corner[6] = {0, 0, 0, 0, 0, 0};
+        placement.scale = scale_of(&placement);
+        for (int k = 0; k < 3; k++) {
+            if (body->shape.kind == CN_SHAPE_BEAM) corner[3 + k] = body->shape.beam.size[k];
+            if (body->shape.kind == CN_SHAPE_BOX)
+                corner[k] = body->shape.box.min[k], corner[3 + k] = body->shape.box.max[k];
+            if (body->shape.kind == CN_SHAPE_SPHERE) corner[k] = corner[3 + k] = body->shape.sphere.centre[k];
+        }
+        cn_place_points(&placement, 2, corner);
+        const double reach = cn_distance(corner, corner + 3) + placement.scale * body->shape.sphere.radius;
+        grow(min, max, corner, reach), grow(min, max, corner + 3, reach);
+        run = fmax(run, cn_norm(body->velocity) * scene->time_limit);
+    }
+    return run;
+}
+
 cn_status cn_world_new(cn_world **out, const cn_scene *scene, int nreplacement,
                        const cn_replacement *replacement, cn_error *error)
 {
@@ -178,20 +201,22 @@ cn_status cn_world_new(cn_world **out, const cn_scene *scene, int nreplacement,
     world->nwall = scene->nvessel + scene->nobstacle; /* half-built walls can be cleared */
     grow_by_bodies(world);
     for (int planes = 0; planes < 2; planes++) { /* planes last: they are as large as the rest asks for */
-        const double size = cn_distance(world->min, world->max);
+        double low[3], high[3];
+        cn_copy3(world->min, low), cn_copy3(world->max, high);
+        const double run = bodies_reach(scene, low, high), size = cn_distance(low, high) + run;
         for (int i = 0; i < world->nwall; i++) {
             const bool vessel = i < scene->nvessel;
             const cn_surface_spec *spec = vessel ? scene->vessel + i : scene->obstacle + (i - scene->nvessel);
             if (is_plane(spec) != planes) continue;
-            double extent = 10;
+            double extent = 1e4;
             if (size > 0 && size < INFINITY && planes) {
                 double centre[3], point[3];
                 for (int k = 0; k < 3; k++)
-                    centre[k] = 0.5 * (world->min[k] + world->max[k]), point[k] = spec->shape.plane.point[k];
+                    centre[k] = 0.5 * (low[k] + high[k]), point[k] = spec->shape.plane.point[k];
                 cn_placement placement = spec->shape.placement;
                 placement.scale = scale_of(&placement);
                 cn_place_points(&placement, 1, point);
-                extent = 5 * (size + cn_distance(centre, point));
+                extent = 100 * (size + cn_distance(centre, point));
             }
             if ((status = wall_make(world->wall + i, spec, vessel, vessel ? given[i] : NULL, extent,
                                     error)) != CN_OK)

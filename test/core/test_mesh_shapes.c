@@ -202,13 +202,12 @@ static void a_plane_looks_along_its_normal(void **state)
     (void)state;
 
     assert_int_equal(cn_surface_plane(&s, point, normal, 10), CN_OK);
-    for (int i = 0; i < 2; i++) {
-        cn_sub(s->vert + 3 * s->tri[3 * i + 1], s->vert + 3 * s->tri[3 * i], u);
-        cn_sub(s->vert + 3 * s->tri[3 * i + 2], s->vert + 3 * s->tri[3 * i], v);
-        cn_cross(u, v, n);
-        assert_true(fabs(cn_dot(n, normal) - 400 * cn_norm(normal)) < 1e-9);
-    }
-    for (int i = 0; i < 4; i++) {
+    cn_sub(s->vert + 3 * s->tri[1], s->vert + 3 * s->tri[0], u);
+    cn_sub(s->vert + 3 * s->tri[2], s->vert + 3 * s->tri[0], v);
+    cn_cross(u, v, n);
+    /* 3 sqrt(3) r^2 is the area about an inscribed circle of radius r */
+    assert_true(fabs(cn_dot(n, normal) - 600 * sqrt(3) * cn_norm(normal)) < 1e-9 * cn_dot(n, normal));
+    for (int i = 0; i < 3; i++) {
         cn_sub(s->vert + 3 * i, point, u);
         assert_true(fabs(cn_dot(u, normal)) < 1e-12);
     }

@@ -679,7 +679,7 @@ static void a_bad_setting_is_refused_by_its_name(void **state)
         {{"bodies.0.name", "\"a\\nb\""}, "bodies.0.name: a control character"},
         {{"bodies.0.name", "|\n  a\n  b"}, "bodies.0.name: a control character"},
         {{"vessels.0.name", "\"a\\u2029b\""}, "name: a control character or line end"},
-        {{"bodies", "[]"}, "a list of at least one map"},
+        {{"bodies", "[]"}, "expected a list of at least one map, found an empty list"},
         {{"gravity", "[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[0]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]]"}, "nested deeper"},
     };
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
