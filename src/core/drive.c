@@ -105,6 +105,7 @@ static void prepare_each(const cn_model_body *body, const cn_body_state *state, 
             drive->weight[i] = mass * full;
             drive->lead[i] = share * speed * dt;
             drive->pull[i] = mass * full / (speed * dt);
+            drive->hold[i] = leads ? mass * full / lookahead(body) : 0;
         }
     }
     drive->from = state->x;
@@ -138,6 +139,7 @@ void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, con
     memset(drive->force, 0, 3 * n * sizeof *drive->force);
     memset(drive->weight, 0, n * sizeof *drive->weight);
     memset(drive->pull, 0, n * sizeof *drive->pull);
+    memset(drive->hold, 0, n * sizeof *drive->hold);
     drive->distance = body->spec->drive.path_distance;
     drive->advance = 0;
     if (!path) return;
@@ -175,20 +177,22 @@ static double add_following(const cn_drive *drive, int i, const double *x, doubl
     double away[3];
     cn_sub(x + 3 * i, drive->centre + 3 * i, away);
     cn_axpy(-cn_dot(away, t), t, away);
-    const double r = cn_normalise(away);
-    if (r <= near) return 0;
-    const bool full = r >= 2 * near;
-    const double force = full ? w : w * (r - near) / near; /* d energy / d r */
+    const double r = cn_normalise(away), k = drive->hold[i];
+    if (r <= near && !(k > 0 && r > 0)) return 0;
+    const bool full = r >= 2 * near, none = r <= near;
+    const double follow = none ? 0 : full ? w : w * (r - near) / near; /* d energy / d r */
+    const double force = follow + k * r;
     if (f) cn_axpy(-force, away, f + 3 * i);
     if (a) {
-        const double radial = full ? 0 : w / near, across = force / r;
+        const double radial = (full || none ? 0 : w / near) + k, across = force / r;
         double *block = a->value + 9 * (size_t)a->diagonal[i];
-        for (int k = 0; k < 3; k++)
-            for (int l = 0; l < 3; l++)
-                block[3 * k + l] += scale * (radial * away[k] * away[l] +
-                                             across * ((k == l) - t[k] * t[l] - away[k] * away[l]));
+        for (int p = 0; p < 3; p++)
+            for (int q = 0; q < 3; q++)
+                block[3 * p + q] += scale * (radial * away[p] * away[q] +
+                                             across * ((p == q) - t[p] * t[q] - away[p] * away[q]));
     }
-    return full ? w * (r - 1.5 * near) : 0.5 * w * (r - near) * (r - near) / near;
+    const double way = none ? 0 : full ? w * (r - 1.5 * near) : 0.5 * w * (r - near) * (r - near) / near;
+    return way + 0.5 * k * r * r;
 }
 
 double cn_drive_add(const cn_drive *drive, int nfree, const double *x, double *f, double scale, cn_matrix *a)

@@ -178,6 +178,7 @@ static cn_status ring_is_free(cn_run_data *run, int b)
     const cn_body_spec *body = &run->spec[b];
     const double r = 0.5 * body->shape.catheter.diameter, *t = body->shape.catheter.direction;
     double n[3], m[3], deepest = 0, where[3] = {NAN, NAN, NAN};
+    int wall = 0, triangle = 0;
     if (run->world->nvessel == 0 || run->scene->contact.method != CN_CONTACT_STRICT || !(cn_norm(t) > 0))
         return CN_OK;
     cn_any_normal(t, n);
@@ -189,11 +190,13 @@ static cn_status ring_is_free(cn_run_data *run, int b)
         cn_axpy(1e-3 * r, t, p);
         cn_axpy(r * cos(angle), n, p), cn_axpy(r * sin(angle), m, p);
         if (cn_world_free_at(run->world, p)) continue;
-        const double depth = cn_world_distance(run->world, p, NULL, NULL, NULL);
-        if (depth > deepest) deepest = depth, cn_copy3(p, where);
+        int iwall, itri;
+        const double depth = cn_world_distance(run->world, p, &iwall, &itri, NULL);
+        if (depth > deepest) deepest = depth, wall = iwall, triangle = itri, cn_copy3(p, where);
     }
     if (deepest == 0) return CN_OK;
-    cn_run_no_start(run, b, deepest, where, "the ring of its tip at the entry cuts the wall");
+    cn_run_no_start(run, b, deepest, where, "the ring of its tip at the entry cuts %.60s (wall triangle %d)",
+                    run->world->wall[wall].name, triangle);
     return CN_ERR_ARG;
 }
 

@@ -136,6 +136,7 @@ typedef struct {
     double *towards;    /* unit vector to the milestone                                    (nnode x 3) */
     double *lead;       /* way to make along it in this step [m]                           (nnode)     */
     double *pull;       /* force per way missed [N/m], 0: none                             (nnode)     */
+    double *hold;       /* towards the path near a waypoint [N/m], 0: none                 (nnode)     */
     const double *from; /* positions at the start of the step: the state's (nnode x 3) */
     double distance;    /* path_distance [m] */
     double advance;     /* base advance in this step [m] */

@@ -57,7 +57,7 @@ cn_status cn_work_new(cn_work **out, const cn_model *model, int ibody, cn_pool *
     if (!work) return CN_ERR_MEMORY;
     work->model = model, work->body = body, work->pool = pool;
     const size_t turn = 4 * (size_t)body->body->ntet;
-    if (!(work->memory = calloc(17 * n + turn, sizeof *work->memory))) goto fail;
+    if (!(work->memory = calloc(18 * n + turn, sizeof *work->memory))) goto fail;
     double *next = work->memory,
            **const vectors[] = {
                &work->u,           &work->trial,        &work->trial_u,       &work->gradient,
@@ -67,7 +67,8 @@ cn_status cn_work_new(cn_work **out, const cn_model *model, int ibody, cn_pool *
     for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++, next += n)
         *vectors[i] = next;
     work->drive.weight = next, work->drive.lead = next + n / 3, work->drive.pull = next + 2 * (n / 3);
-    work->factored_turn = next + n;
+    work->drive.hold = next + n;
+    work->factored_turn = next + 2 * n;
     if ((status = cn_matrix_new(&work->matrix, 1, bodies, first)) != CN_OK) goto fail;
     work->damping = *work->matrix;
     work->damping.value = NULL;
