@@ -5,9 +5,13 @@
  * step, and for a beam the geometric mean of two accelerations: EI kappa / (mass per length d^2), which bends
  * the device (as stiff as its mesh has it) to the path's curvature kappa within a diameter, and lookahead /
  * dt^2, which makes a lookahead in a step. So a stiffer device is driven harder, but not in proportion: it
- * leans on the wall more. path following  zero up to path_distance, linear to w at twice that. goal seeking
- * w (share - v / speed) along the path; share is the spring k (L - L_rest) over its value at the lookahead, v
- * / speed its damping: full force on a body that is stopped, none on one that runs at the drive's speed. */
+ * leans on the wall more.
+ *
+ * Path following: zero up to path_distance, linear to w at twice that.
+ *
+ * Goal seeking: w (share - v / speed) along the path; share is the spring k (L - L_rest) over its value at
+ * the lookahead, v / speed its damping: full force on a body that is stopped, none on one that runs at the
+ * drive's speed. Near a waypoint the spring's part across the path counts too. */
 #include "sim.h"
 
 #include <math.h>

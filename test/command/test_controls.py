@@ -3,6 +3,7 @@
 a limit between two ways decides between them."""
 import math
 import os
+import re
 import unittest
 
 from control_runs import DEMO, Runs, array, distance, points, scene, steps
@@ -79,6 +80,17 @@ class Work(Runs):
         self.assertLessEqual(loose["solver"]["residual_max"], 10 * 1e-2)
         self.assertLessEqual(tight["solver"]["residual_max"], 10 * 1e-4)
         self.assertLess(tight["solver"]["residual_max"], loose["solver"]["residual_max"])
+
+    def test_a_stiffer_catheter_lies_otherwise(self):
+        shapes = []
+        for name, young in (("plain", 1e7), ("stiff", 1e9)):
+            self.run_it(BEND, "bodies.0.material.young=%g" % young, "time_limit=1", frames=name)
+            shapes.append([(x, z) for x, _, z in points(self.path(name), "catheter_50.vtu")])
+        self.assertGreater(max(map(distance, *shapes)), 0.05 * 2e-3)
+
+    def test_a_fine_tolerance_is_kept(self):
+        report = self.run_it(BEND, "solver.tolerance=1e-6")
+        self.assertLessEqual(report["solver"]["residual_max"], 10 * 1e-6)
 
 
 class Same(Runs):
@@ -185,6 +197,18 @@ class Doors(Runs):
                 self.assertRegex(report["verdict"]["message"], "not available in this version: (use|leave|run) ")
                 self.assertEqual(report["steps"], 0)
 
+    def test_a_start_in_the_wall_with_a_way_to_plan(self):
+        report = self.run_it(BEND, "bodies.0.shape.catheter.entry=[0, 0.0035, 0]", status=2)
+        self.assertEqual(report["verdict"]["code"], "NO_CONTACT_FREE_START", report["verdict"]["message"])
+
+    def test_an_entry_outside_by_less_than_a_device(self):
+        verdict = self.run_it(BEND, "bodies.0.shape.catheter.entry=[0, 0.0055, 0]")["verdict"]
+        self.assertIn(verdict["code"], ("BAD_INPUT", "NO_CONTACT_FREE_START"), verdict["message"])
+
+    def test_a_start_in_the_wall_reports_its_depth(self):
+        verdict = self.run_it(BEND, "bodies.0.waypoints=[]", "bodies.0.shape.catheter.entry=[0, 0.0035, 0]")["verdict"]
+        self.assertIsNotNone(verdict["value"])
+
 
 class Fork(Runs):
     """A short arm with a tight corner and a long wide one: the limit decides."""
@@ -261,6 +285,15 @@ class Fork(Runs):
         self.never_in_the_wall(report)
         stress = [max(array(self.path(folder), "catheter_%d.vtu" % i, "stress")) for i in steps(self.path(folder))]
         self.assertLessEqual(max(stress), report["limits"][0]["limit"])
+
+    def test_the_index_of_frames_forgets_what_was_rolled_back(self):
+        self.command(FORK, "bodies.0.limits=[{quantity: stress, limit: 1e4}]", "planner.replans=2", frames="f")
+        with open(os.path.join(self.path("f"), "frames.pvd")) as file:
+            rows = re.findall(r'timestep="([^"]*)"[^>]*file="(catheter[^"]*)"', file.read())
+        times = [float(time) for time, _ in rows]
+        self.assertEqual(times, sorted(set(times)))
+        self.assertEqual(len(rows), len(set(name for _, name in rows)))
+        self.assertEqual(rows[-1][1], "catheter_%d.vtu" % steps(self.path("f"))[-1])
 
 
 if __name__ == "__main__":
