@@ -16,13 +16,14 @@ typedef struct {
     double *tangent;   /* unit tangents                                  (n x 3) */
     double *normal;    /* rotation-minimising frame: first normal        (n x 3) */
     int nwaypoint;
-    int *waypoint;     /* index of the point at which each waypoint lies (nwaypoint) */
-    double turn_max;   /* largest turn between sliding chords [rad]      */
+    int *waypoint;   /* index of the point at which each waypoint lies (nwaypoint) */
+    double turn_max; /* largest turn between sliding chords [rad]      */
 } cn_path;
 
 /* Copies `n` points, computes s, tangents and frame (double reflection, Wang et al. 2008, seeded by
  * `normal`, or any when NULL). Clearance is zeroed; waypoint indices are copied. */
-cn_status cn_path_new(cn_path **out, int n, const double *x, int nwaypoint, const int *waypoint, const double *normal);
+cn_status cn_path_new(cn_path **out, int n, const double *x, int nwaypoint, const int *waypoint,
+                      const double *normal);
 cn_status cn_path_copy(cn_path **out, const cn_path *path);
 void cn_path_free(cn_path *path);
 

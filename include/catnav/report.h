@@ -11,18 +11,18 @@ extern "C" {
 #endif
 
 /* name, report status, exit code of the command. A zeroed verdict is unknown: it cannot pass for success. */
-#define CN_VERDICT_LIST(X)                                                                                    \
-    X(UNKNOWN, "failed", 4)                                                                                   \
-    X(REACHED, "reached", 0)                                                                                  \
-    X(RAN, "ran", 0)                                                                                          \
-    X(BAD_INPUT, "bad_input", 1)                                                                              \
-    X(NO_ARTERY, "bad_input", 1)                                                                              \
-    X(NO_CONTACT_FREE_START, "infeasible", 2)                                                                 \
-    X(NO_PATH, "infeasible", 2)                                                                               \
-    X(LIMIT_BROKEN, "infeasible", 2)                                                                          \
-    X(TIMEOUT, "time_limit", 3)                                                                               \
-    X(NUMERICS, "failed", 4)                                                                                  \
-    X(CANCELLED, "interrupted", 130)                                                                          \
+#define CN_VERDICT_LIST(X)                                                                                   \
+    X(UNKNOWN, "failed", 4)                                                                                  \
+    X(REACHED, "reached", 0)                                                                                 \
+    X(RAN, "ran", 0)                                                                                         \
+    X(BAD_INPUT, "bad_input", 1)                                                                             \
+    X(NO_ARTERY, "bad_input", 1)                                                                             \
+    X(NO_CONTACT_FREE_START, "infeasible", 2)                                                                \
+    X(NO_PATH, "infeasible", 2)                                                                              \
+    X(LIMIT_BROKEN, "infeasible", 2)                                                                         \
+    X(TIMEOUT, "time_limit", 3)                                                                              \
+    X(NUMERICS, "failed", 4)                                                                                 \
+    X(CANCELLED, "interrupted", 130)                                                                         \
     X(BUSY, "failed", 4)
 #define CN_VERDICT_ENUM(name, status, exit) CN_VERDICT_##name,
 typedef enum { CN_VERDICT_LIST(CN_VERDICT_ENUM) CN_VERDICT_COUNT } cn_verdict_code;
@@ -37,14 +37,16 @@ typedef struct {
     cn_quantity quantity; /* what was broken */
     double value, limit;  /* NAN: undefined */
     char body[64];
-    int element;          /* -1: none */
-    double position[3];   /* [m]; NAN: none */
-    int step;             /* -1: before the first */
-    double time;          /* simulated [s] */
-    int waypoint;         /* last one reached, -1: none */
+    int element;        /* -1: none */
+    double position[3]; /* [m]; NAN: none */
+    int step;           /* -1: before the first */
+    double time;        /* simulated [s] */
+    int waypoint;       /* last one reached, -1: none */
 } cn_verdict;
 
-typedef struct { double median, p95, max; } cn_spread; /* NAN when empty */
+typedef struct {
+    double median, p95, max;
+} cn_spread; /* NAN when empty */
 
 typedef struct {
     char body[64];
@@ -75,22 +77,36 @@ typedef struct {
     int threads;
     bool reproducible;
     cn_verdict verdict;
-    struct { int nodes, dof, tets, rigid_nodes, deformable_nodes, wall_triangles; } counts;
+    struct {
+        int nodes, dof, tets, rigid_nodes, deformable_nodes, wall_triangles;
+    } counts;
     struct {
         double map_s, planning_s, simulation_s, collision_s, wall_s, simulated_s, real_time_factor;
         cn_spread fem_ms, collision_ms, step_ms, step_ms_last100;
     } time;
     int steps, rejected_steps, replans;
-    struct { double gap_min; long intersections, outside_nodes; double force_max; } contact; /* gap NAN: no walls */
-    struct { double force_max, work; } drive;
+    struct {
+        double gap_min;
+        long intersections, outside_nodes;
+        double force_max;
+    } contact; /* gap NAN: no walls */
+    struct {
+        double force_max, work;
+    } drive;
     int nlimit;
     cn_limit_report *limit;
-    struct { int newton_max, linear_max; double residual_max; int inverted_max; } solver;
+    struct {
+        int newton_max, linear_max;
+        double residual_max;
+        int inverted_max;
+    } solver;
     int nbody;
     cn_body_report *body;
     int nleft_out;
     cn_left_out left_out[8];
-    struct { double length, clearance_min, turn_max; } path; /* of the last plan; NAN: none */
+    struct {
+        double length, clearance_min, turn_max;
+    } path; /* of the last plan; NAN: none */
     size_t memory_peak_bytes;
 } cn_report;
 

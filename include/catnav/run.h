@@ -16,11 +16,11 @@ extern "C" {
 /* A deforming body (or deformable wall) as it is now; all pointers are valid during the callback only. */
 typedef struct {
     const char *name;
-    const cn_body *body;        /* topology: tet, boundary */
-    int nactive;                /* nodes out of the sheath */
-    const double *x;            /* positions [m]        (nnode x 3) */
-    const double *von_mises;    /* per tetrahedron [Pa] (ntet) */
-    double stress_limit;        /* its limit [Pa], INFINITY: none */
+    const cn_body *body;     /* topology: tet, boundary */
+    int nactive;             /* nodes out of the sheath */
+    const double *x;         /* positions [m]        (nnode x 3) */
+    const double *von_mises; /* per tetrahedron [Pa] (ntet) */
+    double stress_limit;     /* its limit [Pa], INFINITY: none */
 } cn_frame_body;
 
 typedef struct {
@@ -37,8 +37,8 @@ typedef struct {
     double time, time_limit; /* simulated [s] */
     int step, replans;
     double steps_per_s;
-    double margin;           /* to the nearest limit: 1 - worst value/limit; INFINITY: no limit */
-    const char *margin_of;   /* name of that quantity, "" */
+    double margin;         /* to the nearest limit: 1 - worst value/limit; INFINITY: no limit */
+    const char *margin_of; /* name of that quantity, "" */
 } cn_progress;
 
 typedef struct {
@@ -49,30 +49,31 @@ typedef struct {
     void (*frame)(void *user, const cn_frame *frame);
     void (*progress)(void *user, const cn_progress *progress); /* several times a second of wall time */
     void (*path)(void *user, int body, const cn_path *path, const cn_roadmap *roadmap); /* at each (re)plan */
-    const volatile sig_atomic_t *cancel;                       /* non-zero: stop within a step */
-} cn_run_hooks; /* any of them may be NULL */
+    const volatile sig_atomic_t *cancel; /* non-zero: stop within a step */
+} cn_run_hooks;                          /* any of them may be NULL */
 
 /* What a request changes about the scene's first body (the device). */
 typedef struct {
     int nwaypoint;
-    const double *waypoint;  /* (nwaypoint x 3); the first replaces the entry; NULL: the scene's */
-    int nlimit;              /* added to the scene's; the same quantity and reduce replaces it */
+    const double *waypoint; /* (nwaypoint x 3); the first replaces the entry; NULL: the scene's */
+    int nlimit;             /* added to the scene's; the same quantity and reduce replaces it */
     const cn_limit *limit;
     const cn_sampling *sampling; /* NULL: the scene's */
-    double budget;           /* planning [s]; 0: the scene's */
-    const unsigned *seed;    /* NULL: the scene's */
+    double budget;               /* planning [s]; 0: the scene's */
+    const unsigned *seed;        /* NULL: the scene's */
 } cn_request;
 
 /* Runs the scene in its world (the map is made if it is not there yet: then world must not be shared).
  * request NULL: as the scene says. *report is always filled, its verdict set; the return value is CN_OK
- * whenever the report holds the answer (also for infeasible or failed runs), else CN_ERR_MEMORY or CN_ERR_ARG. */
+ * whenever the report holds the answer (also for infeasible or failed runs), else CN_ERR_MEMORY or
+ * CN_ERR_ARG. */
 cn_status cn_run(cn_world *world, const cn_request *request, cn_planner planner, int threads,
                  const cn_run_hooks *hooks, cn_report *report, cn_error *error);
 /* Fills the report for a scene that never ran: refused at a door. */
 void cn_report_refused(cn_report *report, const cn_scene *scene, const cn_error *error);
 /* Path alone, for `catnav plan`: of the first body with waypoints. */
-cn_status cn_run_plan(cn_world *world, const cn_request *request, cn_planner planner, int threads, cn_path **path,
-                      cn_report *report, cn_error *error);
+cn_status cn_run_plan(cn_world *world, const cn_request *request, cn_planner planner, int threads,
+                      cn_path **path, cn_report *report, cn_error *error);
 
 #ifdef __cplusplus
 }

@@ -17,7 +17,13 @@ extern "C" {
 typedef enum { CN_AUTO = -1, CN_OFF = 0, CN_ON = 1 } cn_switch;
 
 typedef enum {
-    CN_SHAPE_FILE, CN_SHAPE_CATHETER, CN_SHAPE_BEAM, CN_SHAPE_SPHERE, CN_SHAPE_BOX, CN_SHAPE_PLANE, CN_SHAPE_TUBE
+    CN_SHAPE_FILE,
+    CN_SHAPE_CATHETER,
+    CN_SHAPE_BEAM,
+    CN_SHAPE_SPHERE,
+    CN_SHAPE_BOX,
+    CN_SHAPE_PLANE,
+    CN_SHAPE_TUBE
 } cn_shape_kind;
 
 typedef struct {
@@ -33,18 +39,39 @@ typedef struct {
         bool has_core;
         double core_diameter, core_young, core_poisson, core_density;
     } catheter;
-    struct { double size[3]; int cells[3]; } beam;
-    struct { double centre[3], radius; } sphere;
-    struct { double min[3], max[3]; } box;
-    struct { double point[3], normal[3]; } plane; /* normal into the free side */
-    struct { int naxis; double *axis; int nradius; double *radius; double thickness; } tube;
+    struct {
+        double size[3];
+        int cells[3];
+    } beam;
+    struct {
+        double centre[3], radius;
+    } sphere;
+    struct {
+        double min[3], max[3];
+    } box;
+    struct {
+        double point[3], normal[3];
+    } plane; /* normal into the free side */
+    struct {
+        int naxis;
+        double *axis;
+        int nradius;
+        double *radius;
+        double thickness;
+    } tube;
 } cn_shape;
 
 typedef enum { CN_WALL_RIGID, CN_WALL_MEMBRANE, CN_WALL_SHELL } cn_wall_model;
 typedef enum { CN_BODY_TET4, CN_BODY_TET10, CN_BODY_ROD, CN_BODY_MOLECULES } cn_body_model;
 
-typedef enum { CN_QUANTITY_VOLUME, CN_QUANTITY_STRESS, CN_QUANTITY_ENERGY, CN_QUANTITY_WALL_FORCE,
-               CN_QUANTITY_CLEARANCE, CN_QUANTITY_PROGRESS } cn_quantity;
+typedef enum {
+    CN_QUANTITY_VOLUME,
+    CN_QUANTITY_STRESS,
+    CN_QUANTITY_ENERGY,
+    CN_QUANTITY_WALL_FORCE,
+    CN_QUANTITY_CLEARANCE,
+    CN_QUANTITY_PROGRESS
+} cn_quantity;
 const char *cn_quantity_name(cn_quantity quantity); /* "volume", "stress", ... "progress" */
 typedef enum { CN_REDUCE_MAX, CN_REDUCE_MEAN } cn_reduce;
 typedef struct {
@@ -54,7 +81,7 @@ typedef struct {
 } cn_limit;
 
 typedef struct {
-    bool by_box;         /* else along the axis, from the tip */
+    bool by_box; /* else along the axis, from the tip */
     double box[2][3];
     double along[2];
     double young;
@@ -90,8 +117,8 @@ typedef struct {
     cn_fixed fixed;
     int nlimit;
     cn_limit *limit;
-    int npath;       /* waypoints of a moving rigid obstacle */
-    double *path;    /* (npath x 3) */
+    int npath;    /* waypoints of a moving rigid obstacle */
+    double *path; /* (npath x 3) */
     double path_speed;
 } cn_surface_spec;
 
@@ -107,12 +134,12 @@ typedef struct {
     cn_drive_mode mode;
     cn_drive_nodes nodes;
     bool control_all;
-    int ncontrol;            /* node list when not all; -1: by box */
+    int ncontrol; /* node list when not all; -1: by box */
     int *control;
     double control_box[2][3];
-    int goal_node;           /* -1: auto */
+    int goal_node; /* -1: auto */
     double path_distance, speed, rest_length;
-    double force_threshold;  /* NAN: auto */
+    double force_threshold; /* NAN: auto */
     double advance_max, twist_max;
     double bend_length, bend_curvature;
 } cn_drive_spec;
@@ -191,20 +218,25 @@ typedef struct {
         double tolerance, linear_tolerance;
     } solver;
     struct {
-        int samples;       /* -1: auto */
-        double budget;     /* [s] */
+        int samples;   /* -1: auto */
+        double budget; /* [s] */
         int replans;
         double resolution; /* map cell; NAN: auto */
     } planner;
-    struct { cn_switch self_contact, refit, refactor, wall_solve, inertia, stress; } leave_out;
+    struct {
+        cn_switch self_contact, refit, refactor, wall_solve, inertia, stress;
+    } leave_out;
 } cn_scene;
 
 /* One `--set key.path=value`. */
-typedef struct { const char *key, *value; } cn_setting;
+typedef struct {
+    const char *key, *value;
+} cn_setting;
 
 /* Reads a scene file and applies the settings (same schema, same refusals, named after the setting).
  * CN_ERR_FILE, CN_ERR_PARSE, CN_ERR_SCENE with file, line, key and what was expected. */
-cn_status cn_scene_read(cn_scene **out, const char *path, int nsetting, const cn_setting *setting, cn_error *error);
+cn_status cn_scene_read(cn_scene **out, const char *path, int nsetting, const cn_setting *setting,
+                        cn_error *error);
 void cn_scene_free(cn_scene *scene);
 /* Every key of the schema as YAML with comment, default, range, unit (what all_keys.yaml holds). */
 cn_status cn_scene_write_keys(const char *path, cn_error *error);

@@ -30,8 +30,14 @@ static inline void cn_cross(const double a[3], const double b[3], double c[3]) /
     c[1] = a[2] * b[0] - a[0] * b[2];
     c[2] = a[0] * b[1] - a[1] * b[0];
 }
-static inline double cn_norm2(const double a[3]) { return cn_dot(a, a); }
-static inline double cn_norm(const double a[3]) { return sqrt(cn_dot(a, a)); }
+static inline double cn_norm2(const double a[3])
+{
+    return cn_dot(a, a);
+}
+static inline double cn_norm(const double a[3])
+{
+    return sqrt(cn_dot(a, a));
+}
 static inline double cn_distance(const double a[3], const double b[3])
 {
     double d[3];
@@ -73,7 +79,8 @@ static inline void cn_rotation(const double w[3], double r[9])
 /* A unit vector normal to the unit vector t. */
 static inline void cn_any_normal(const double t[3], double n[3])
 {
-    const int k = fabs(t[0]) < fabs(t[1]) ? (fabs(t[0]) < fabs(t[2]) ? 0 : 2) : (fabs(t[1]) < fabs(t[2]) ? 1 : 2);
+    const int k =
+        fabs(t[0]) < fabs(t[1]) ? (fabs(t[0]) < fabs(t[2]) ? 0 : 2) : (fabs(t[1]) < fabs(t[2]) ? 1 : 2);
     double e[3] = {0, 0, 0};
     e[k] = 1;
     cn_cross(t, e, n);

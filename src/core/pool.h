@@ -11,8 +11,8 @@ void cn_pool_free(cn_pool *pool);                  /* NULL is fine */
 int cn_pool_threads(const cn_pool *pool);          /* 1 for NULL */
 
 /* Runs task(user, i) for i in [0, ntask), each once, on the pool's threads and the caller's; returns when all
- * are done. Which thread runs which i is not fixed: a task writes only what is its own, and sums are made over
- * i in order by the caller. Pool NULL: in order, on the caller's thread. Not reentrant. */
+ * are done. Which thread runs which i is not fixed: a task writes only what is its own, and sums are made
+ * over i in order by the caller. Pool NULL: in order, on the caller's thread. Not reentrant. */
 typedef void (*cn_task)(void *user, int i);
 void cn_pool_run(cn_pool *pool, int ntask, cn_task task, void *user);
 

@@ -20,19 +20,19 @@ void cn_tree_refit_swept(cn_tree *tree, const double *vert, const double *vert_e
 /* Triangles whose boxes meet [min, max], at most `capacity` written, ascending order not promised but fixed;
  * returns the number found (may exceed capacity: the caller's list was too short). */
 int cn_tree_query_box(const cn_tree *tree, const double min[3], const double max[3], int capacity, int *out);
-/* All pairs of triangles of two trees whose boxes, the first's inflated by margin, meet: visit returns false to
- * stop. Self: each unordered pair once. */
+/* All pairs of triangles of two trees whose boxes, the first's inflated by margin, meet: visit returns false
+ * to stop. Self: each unordered pair once. */
 typedef bool (*cn_pair_visit)(void *user, int ia, int ib);
 bool cn_tree_query_pairs(const cn_tree *a, const cn_tree *b, double margin, cn_pair_visit visit, void *user);
 bool cn_tree_query_self(const cn_tree *tree, double margin, cn_pair_visit visit, void *user);
-/* Nearest triangle to p no farther than `limit`: returns the distance (limit if none), *itri (-1 if none; the least
- * index of equally near ones) and the nearest point (untouched if none); both may be NULL. */
+/* Nearest triangle to p no farther than `limit`: returns the distance (limit if none), *itri (-1 if none; the
+ * least index of equally near ones) and the nearest point (untouched if none); both may be NULL. */
 double cn_tree_nearest(const cn_tree *tree, const double p[3], double limit, int *itri, double nearest[3]);
 /* Crossings of the open segment a-b with the triangles, decided by exact predicates with symbolic
  * perturbation: returns the number of crossings (parity decides inside). */
 int cn_tree_crossings(const cn_tree *tree, const double a[3], const double b[3]);
-/* True when p is inside the closed surface (and its caps, may be NULL) by exact ray parity. Points exactly on the
- * surface may go either way, always the same. */
+/* True when p is inside the closed surface (and its caps, may be NULL) by exact ray parity. Points exactly on
+ * the surface may go either way, always the same. */
 bool cn_tree_inside(const cn_tree *tree, const cn_tree *caps, const double p[3]);
 void cn_tree_box(const cn_tree *tree, double min[3], double max[3]);
 

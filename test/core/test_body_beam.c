@@ -201,12 +201,12 @@ static void what_is_no_beam_has_no_error(void **state)
 {
     (void)state;
     const cn_shape cube = {.kind = CN_SHAPE_BEAM, .beam = {{1, 1, 1}, {8, 2, 2}}};
-    cn_shape stub = catheter();
+    cn_shape piece = catheter();
     cn_beam_error e = {0};
-    stub.catheter.length = 3e-3;
+    piece.catheter.length = 3e-3;
     assert_int_equal(cn_beam_error_beam(&cube, &silicone, &e), CN_OK);
     assert_true(isnan(e.bending) && isnan(e.torsion) && isnan(e.axial) && isnan(e.polygon_bending));
-    assert_int_equal(cn_beam_error_catheter(&stub, &silicone, &e), CN_OK);
+    assert_int_equal(cn_beam_error_catheter(&piece, &silicone, &e), CN_OK);
     assert_true(isnan(e.bending));
 }
 
