@@ -47,9 +47,8 @@ static void meet_wishes(cn_path *path, const cn_body_spec *body, const double *p
     }
 }
 
-static double body_radius(const cn_run_data *run, const cn_body_spec *body)
+static double body_radius(const cn_body_spec *body)
 {
-    (void)run;
     return body->shape.kind == CN_SHAPE_CATHETER ? 0.5 * body->shape.catheter.diameter : 0;
 }
 
@@ -128,7 +127,7 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
     cn_run_body *body = &run->body[b];
     const bool catheter = spec->shape.kind == CN_SHAPE_CATHETER;
     const bool directed = catheter && cn_norm(spec->shape.catheter.direction) > 0;
-    cn_plan_query query = {.world = run->world, .spec = &spec->path, .radius = body_radius(run, spec)};
+    cn_plan_query query = {.world = run->world, .spec = &spec->path, .radius = body_radius(spec)};
     cn_roadmap roadmap = {0};
     cn_path *path = NULL;
     double *point;
