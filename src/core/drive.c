@@ -70,7 +70,7 @@ static double full_weight(const cn_model_body *body, double curvature)
 static void prepare_each(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
                          double dt, cn_drive *drive)
 {
-    const double target = aim(body, state, path), margin = 2 * body->diameter + 2 * lookahead(body);
+    const double target = aim(body, state, path), margin = 2 * body->diameter + 0.5 * lookahead(body);
     const double speed = body->spec->drive.speed;
     const int group = body->catheter ? body->per_station : 1;
     /* near a waypoint the leading end is steered as in a bend of 20 diameters, so that it meets its tolerance
