@@ -122,7 +122,8 @@ static cn_status prepare(cn_run_data *run)
         if ((status = cn_work_new(&run->body[b].work, run->model, b, run->pool, &run->error)) != CN_OK)
             return status;
         run->body[b].von_mises = calloc((size_t)run->model->body[b].body->ntet + 1, sizeof(double));
-        if (!run->body[b].von_mises) return CN_ERR_MEMORY;
+        run->body[b].turn = calloc(4 * (size_t)run->model->body[b].body->ntet + 1, sizeof(double));
+        if (!run->body[b].von_mises || !run->body[b].turn) return CN_ERR_MEMORY;
         cn_drive_progress(&run->model->body[b], &run->state->body[b], run->body[b].path);
         run->state->body[b].progress = -INFINITY;
     }
@@ -358,7 +359,7 @@ static void clear(cn_run_data *run)
         cn_work_free(body->work);
         for (int i = 0; i < CN_CHECKPOINTS; i++)
             cn_state_free(body->checkpoint[i].state);
-        free(body->vertex_s), free(body->von_mises), free(body->refused);
+        free(body->vertex_s), free(body->von_mises), free(body->turn), free(body->refused);
     }
     free(run->body);
     cn_state_free(run->state), cn_state_free(run->trial), cn_state_free(run->spare);

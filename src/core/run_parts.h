@@ -19,6 +19,7 @@ typedef struct {
     double *vertex_s; /* arc lengths of the roadmap vertices on the path (roadmap.npoint) */
     cn_work *work;
     double *von_mises; /* (ntet) */
+    double *turn;      /* copy of the rotations for frames: looking must not change the run (ntet x 4) */
     cn_measures measures;
     int nlimit, first_limit; /* in report->limit */
     int ncheckpoint, next_vertex;

@@ -190,7 +190,8 @@ void cn_run_frame(cn_run_data *run, const cn_state *state, bool wanted)
         const cn_model_body *model = &run->model->body[b];
         const cn_body_state *at = &state->body[b];
         const int held = at->nfree < model->body->nnode ? model->per_station : 0;
-        cn_body_measure(model->body, at->nfree + held, at->x, at->rotation, true, &run->body[b].measures,
+        memcpy(run->body[b].turn, at->rotation, 4 * (size_t)model->body->ntet * sizeof(double));
+        cn_body_measure(model->body, at->nfree + held, at->x, run->body[b].turn, true, &run->body[b].measures,
                         run->body[b].von_mises, run->pool);
         bodies[b] = (cn_frame_body){.name = run->spec[b].name,
                                     .body = model->body,

@@ -97,7 +97,9 @@ static void same_crossings(folder *f, const json_t *entry, const cn_surface *s, 
     if (!d->crossing_pairs || !json_integer_value(stated))
         fail_msg("%s: %d crossing pairs, stated %d", path, d->crossing_pairs,
                  (int)json_integer_value(stated));
-    if (!mesher_pairs(f, s, &different, &reports)) return;
+    if (!mesher_pairs(f, s, &different, &reports))
+        fail_msg("%s: %d crossing pairs, stated %d, and no mesher to ask", path, d->crossing_pairs,
+                 (int)json_integer_value(stated));
     if (different != d->crossing_pairs || reports != json_integer_value(stated))
         fail_msg("%s: %d crossing pairs, stated %d; the mesher finds %d in %d reports", path,
                  d->crossing_pairs, (int)json_integer_value(stated), different, reports);

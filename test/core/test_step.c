@@ -244,7 +244,7 @@ static void a_frozen_factor_changes_the_work_not_the_answer(void **state)
     double *fresh = NULL;
     for (int frozen = 0; frozen < 2; frozen++) {
         bench b;
-        int kept = 0;
+        int kept = 0, made = 0;
         set_up(&b, mesh, 1e8, 0.3, 1000, 0.01, 1);
         b.scene.solver.linear = CN_LINEAR_CHOLESKY, b.scene.solver.tolerance = 1e-10;
         b.scene.leave_out.refactor = frozen ? CN_AUTO : CN_OFF;
@@ -252,16 +252,18 @@ static void a_frozen_factor_changes_the_work_not_the_answer(void **state)
         for (int i = 0; i < mesh->nnode; i++)
             b.model->body[0].fixed[i] = mesh->node[3 * i] < 0.03;
         start(&b);
-        for (int i = 0; i < 50; i++)
-            kept += step(&b).kept;
+        for (int i = 0; i < 50; i++) {
+            const cn_step_figures figures = step(&b);
+            kept += figures.kept, made += figures.newton;
+        }
         const size_t n = 3 * (size_t)mesh->nnode;
         if (!frozen) {
             assert_int_equal(kept, 0);
             fresh = malloc(n * sizeof *fresh);
             memcpy(fresh, b.state->body[0].x, n * sizeof *fresh);
         } else {
-            print_message("%d of the iterations used an earlier factor\n", kept);
-            assert_true(kept > 20);
+            print_message("%d of %d iterations used an earlier factor\n", kept, made);
+            assert_true(kept > 0.8 * made); /* most of the work, however few iterations it takes */
             for (size_t i = 0; i < n; i++)
                 assert_true(fabs(fresh[i] - b.state->body[0].x[i]) < 1e-10);
         }
