@@ -22,31 +22,78 @@ struct cn_matrix; /* symmetric 3x3-block sparse matrix: src/core/matrix.h */
 /* Where a body's element stiffnesses go in one matrix: block indices looked up once. */
 typedef struct cn_scatter cn_scatter;
 
+/* Unknowns come in blocks of three: block i < nnode is the position of node i; a rod has as many again, block
+ * nnode + i being the rotation vector of node i's frame since the start of the step: x holds it behind the
+ * positions, (nblock x 3) in all, and it is zero between steps. `rotation` (nturn x 4 unit quaternions w x y
+ * z) is a tetrahedron's warm start of the polar decomposition (tet10: one for each integration point), which
+ * calls update; a rod's are its frames at the start of the step (axes n, b, t: t along the rod), which calls
+ * leave.
+ *
+ * What walls, frames and rviz see are the points: the nodes themselves, or of a rod the nodes of the
+ * tetrahedra that ride on its frames, as many for each node, in the order of the nodes. */
 typedef struct {
     cn_body_model model;
-    int nnode, ntet;
-    int *tet;                          /* node indices, positive volume          (ntet x 4)     */
-    double *rest;                      /* rest positions [m]                     (nnode x 3)    */
-    double *shape_grad;                /* gradients of the shape functions [1/m] (ntet x 4 x 3) */
-    double *volume;                    /* rest volumes [m^3]                     (ntet)         */
-    double *mu, *lambda;               /* Lame constants [Pa]                    (ntet)         */
-    double *mass;                      /* lumped node masses [kg]                (nnode)        */
+    int nnode, nblock, nturn;
+    int nelement;                      /* what limits name: tetrahedra, a rod's segments */
+    int nper, *connect;                /* blocks that each element couples               (nelement x nper) */
+    double *rest;                      /* rest positions of nodes [m]                    (nnode x 3)    */
+    double *mass;                      /* lumped node masses [kg]                        (nnode)        */
+    double *inertia;                   /* rod: of a node about its frame's axes [kg m^2] (nnode x 3)    */
     double damping, damping_stiffness; /* [1/s], [s] */
     double rest_volume;                /* [m^3] */
-    cn_surface *boundary;              /* outward triangles over the nodes (vert is NULL) */
-    struct cn_element_data *element;   /* packed per-element constants for the kernels (private) */
+    double spring;        /* stiffness of an element [N/m], for round-off: E' h, a rod's EA / h */
+    double lever;         /* rod: length that makes moments forces [m]: its mean segment; else 1 */
+    int npoint, ntet;     /* points (tetrahedra: nnode), and the tetrahedra over them */
+    double *point;        /* their rest positions [m]; tetrahedra: `rest`   (npoint x 3)   */
+    int *tet;             /* point indices, positive volume                 (ntet x 4)     */
+    int *mid;             /* tet10: amid 01 12 20 03 13 23 (as VTK)         (ntet x 6)     */
+    cn_surface *boundary; /* outward triangles over the points (vert is NULL); tet10: four a face */
+    const struct cn_body_methods *methods; /* of the model (private) */
+    /* of tetrahedra */
+    double *shape_grad;              /* tet4: gradients of the shape functions [1/m] (ntet x 4 x 3) */
+    double *volume;                  /* rest volumes [m^3]                           (ntet)         */
+    double *mu, *lambda;             /* Lame constants [Pa]                          (ntet)         */
+    struct cn_element_data *element; /* packed per-element constants for the kernels (private) */
+    void *own;                       /* what else the model keeps (private) */
 } cn_body;
 
-/* Builds a body. The mesh is copied. `along` (ntet, distance of the element's centre from the tip, may be
- * NULL) is for regions given along the axis. CN_ERR_MESH: a tetrahedron without volume (<= 1e-14 of the
- * mean); CN_ERR_ARG: young <= 0, poisson outside (-1, 0.5), density < 0, with the value named. */
+/* Builds a body: tet4, or tet10 where the mesh has `mid`. The mesh is copied. `along` (ntet, distance of the
+ * element's centre from the tip, may be NULL) is for regions given along the axis. CN_ERR_MESH: a tetrahedron
+ * without volume (<= 1e-14 of the mean); CN_ERR_ARG: young <= 0, poisson outside (-1, 0.5), density < 0, with
+ * the value named. */
 cn_status cn_body_new(cn_body **out, const cn_tets *mesh, const cn_material *material, const double *along,
                       cn_error *error);
 void cn_body_free(cn_body *body); /* NULL is fine */
 
-/* All elements whose four nodes have index < nactive take part (a catheter's sheathed end does not: its nodes
- * come last). `rotation` (ntet x 4 unit quaternions w x y z) is the warm start of the polar decompositions
- * and is updated; start it with cn_body_rotation_start. */
+/* Section of a rod's segment, about its frame's axes n and b; t is along the rod. */
+typedef struct {
+    double axial;           /* EA [N] */
+    double shear[2];        /* k G A against n and b [N] */
+    double bending[2];      /* EI of curvature about n and about b [N m^2] */
+    double torsion;         /* GJ [N m^2] */
+    double line_mass;       /* [kg/m] */
+    double line_inertia[3]; /* rho I about n, b and t [kg m] */
+    double area;            /* that encloses its volume [m^2] */
+    bool round;             /* else a rectangle */
+    double half[2];         /* half width along n and b [m]; round: both the outer radius */
+    double young, poisson;  /* of the outer material: stress and volume change of fibres */
+    double twist_stress; /* largest shear stress per twist rate [Pa m]: G r, of a rectangle Saint-Venant's */
+} cn_section;
+/* Of a catheter's circular section (core added by sum; mass of its lumen none) or a beam's rectangle, with
+ * Cowper's shear coefficient and Saint-Venant's torsion. young replaces the material's (a region's). */
+cn_status cn_section_of(cn_section *out, const cn_shape *shape, const cn_material *material, double young,
+                        cn_error *error);
+/* A rod along `axis` (nnode >= 2, x 3; its rest shape, straight or bent). `normal`: n of the first frame, the
+ * others twist-free. section (nnode - 1). skin: tetrahedra that ride on it, copied, their nodes' number a
+ * multiple of nnode, those of node i in a row (a catheter's stations), or with ride (skin->nnode) the node of
+ * each. CN_ERR_ARG: a segment without length, a stiffness that is not positive, with its number and value. */
+cn_status cn_body_new_rod(cn_body **out, int nnode, const double *axis, const double normal[3],
+                          const cn_section *section, const cn_tets *skin, const int *ride,
+                          const cn_material *material, cn_error *error);
+
+/* All elements whose nodes have index < nactive take part (a catheter's sheathed end does not: its nodes come
+ * last). `rotation` (nturn x 4) starts as cn_body_rotation_start leaves it: identities, a rod's rest frames.
+ */
 void cn_body_rotation_start(const cn_body *body, double *rotation);
 
 typedef enum { CN_TANGENT_WARPED, CN_TANGENT_EXACT, CN_TANGENT_PROJECTED } cn_tangent;
@@ -78,12 +125,40 @@ typedef struct {
     int stress_element; /* max von Mises [Pa] */
     double stress_mean;
     double energy; /* elastic [J] */
-    int inverted;  /* elements with V <= 0 */
+    int inverted;  /* elements with V <= 0 (tet10: at any integration point) */
     double volume; /* now [m^3] */
 } cn_measures;
-/* von_mises (ntet, may be NULL) [Pa]. Inactive elements count as at rest. Allocates nothing. */
+/* Of an element: tet4 its own; tet10 volume by integration, the largest stress of its integration points; rod
+ * by its section strains: volume (1 - 2 nu) |strain| of the outermost fibre (mean: of the axis), von Mises of
+ * fibre stress and twist's shear. von_mises (ntet, may be NULL) [Pa]: of a rod, what its section has at each
+ * tetrahedron's centre. Inactive elements count as at rest. Allocates nothing. */
 void cn_body_measure(const cn_body *body, int nactive, const double *x, double *rotation, bool with_stress,
                      cn_measures *measures, double *von_mises, struct cn_pool *pool);
+
+/* Points at x [m]: tetrahedra return x itself; a rod fills `points` (npoint x 3), those of nodes < nactive,
+ * and returns it. */
+const double *cn_body_points(const cn_body *body, int nactive, const double *x, const double *rotation,
+                             double *points);
+/* Points that belong to the first n nodes. */
+int cn_body_points_of(const cn_body *body, int n);
+/* How points hang on blocks at x: point p moves by d x(block node) + arm d x(block node + nnode). */
+typedef struct {
+    const int *node; /* (npoint) */
+    double *arm;     /* 3x3 row-major [m] (npoint x 9), filled by cn_body_carry */
+    int turn;        /* first rotation block: nnode */
+} cn_carry;
+cn_status cn_carry_new(cn_carry **out, const cn_body *body); /* *out NULL where the points are the nodes */
+void cn_carry_free(cn_carry *carry);
+void cn_body_carry(const cn_body *body, int nactive, const double *x, const double *rotation,
+                   cn_carry *carry);
+/* Adds forces on the points (npoint x 3) [N] to those on blocks, f (nblock x 3); with `a` also the part of
+ * minus their derivative that comes from the turning of arms, times scale, to its diagonal blocks. */
+void cn_body_pull(const cn_body *body, int nactive, const double *x, const double *rotation,
+                  const cn_carry *carry, const double *force, double *f, double scale, struct cn_matrix *a);
+/* Takes x's rotation vectors into the frames, and sets them to zero: the end of a step. */
+void cn_body_turn(const cn_body *body, int nactive, double *x, double *rotation);
+/* Centre of an element; NAN for a negative index. */
+void cn_body_element_centre(const cn_body *body, const double *x, int element, double centre[3]);
 
 /* Bending, torsion and axial stiffness of the mesh over beam theory of the true section, minus one (of the
  * two bending directions the one further off; a catheter's core, which the mesh does not have, belongs to the

@@ -22,6 +22,7 @@ typedef struct {
     int ntet;     /* number of tetrahedra */
     double *node; /* positions [m]                     (nnode x 3) */
     int *tet;     /* node indices, positive volume     (ntet x 4)  */
+    int *mid; /* nodes amid edges 01 12 20 03 13 23 (as VTK) of second-order ones (ntet x 6), NULL: linear */
 } cn_tets;
 
 /* Memory. _new leaves the arrays zeroed; _free copes with NULL and half-built. */
@@ -135,6 +136,14 @@ cn_status cn_tets_boundary(cn_surface **out, const cn_tets *tets);
  * alternate by a rule that does not favour a bending direction. */
 cn_status cn_tets_catheter(cn_tets **out, double length, double diameter, double inner_diameter, int stations,
                            int sides, cn_error *error);
+/* The same with a node amid each edge: sections of stations, and between them sections of the edges that join
+ * them, 2 stations - 1 in all, of 3 sides + 1 nodes each (hollow: 6 sides), from the tip; node = section *
+ * per_section + k, the corner nodes of a station first. Edges of the rims are curved: their nodes lie on the
+ * circle, others straight. */
+cn_status cn_tets_catheter10(cn_tets **out, double length, double diameter, double inner_diameter,
+                             int stations, int sides, cn_error *error);
+/* A linear mesh with a node amid each edge (straight); the corner nodes keep their numbers. */
+cn_status cn_tets_raise(cn_tets **out, const cn_tets *linear);
 /* Box [0,size] cut into cells, six (Kuhn) tetrahedra each, mirrored in odd cells. */
 cn_status cn_tets_beam(cn_tets **out, const double size[3], const int cells[3], cn_error *error);
 /* Shapes for obstacles and tests; outward. The sphere is an icosphere with its vertices on the radius (the

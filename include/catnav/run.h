@@ -16,9 +16,9 @@ extern "C" {
 /* A deforming body (or deformable wall) as it is now; all pointers are valid during the callback only. */
 typedef struct {
     const char *name;
-    const cn_body *body;     /* topology: tet, boundary */
-    int nactive;             /* nodes out of the sheath */
-    const double *x;         /* positions [m]        (nnode x 3) */
+    const cn_body *body;     /* topology: npoint, point (at rest), tet, mid, boundary */
+    int nactive;             /* points out of the sheath */
+    const double *x;         /* positions of the points [m] (npoint x 3) */
     const double *von_mises; /* per tetrahedron [Pa] (ntet) */
     double stress_limit;     /* its limit [Pa], INFINITY: none */
 } cn_frame_body;

@@ -62,7 +62,8 @@ typedef struct {
 } cn_shape;
 
 typedef enum { CN_WALL_RIGID, CN_WALL_MEMBRANE, CN_WALL_SHELL } cn_wall_model;
-typedef enum { CN_BODY_TET4, CN_BODY_TET10, CN_BODY_ROD, CN_BODY_MOLECULES } cn_body_model;
+/* AUTO: rod for a catheter, tet4 for anything else */
+typedef enum { CN_BODY_AUTO = -1, CN_BODY_TET4, CN_BODY_TET10, CN_BODY_ROD, CN_BODY_MOLECULES } cn_body_model;
 
 typedef enum {
     CN_QUANTITY_VOLUME,
@@ -125,6 +126,7 @@ typedef struct {
 typedef struct {
     double box[2][3];
     double force[3];
+    double moment[3];   /* [N m] about the centre of the loaded nodes */
     double from, until; /* [s]; until = INFINITY for null */
 } cn_load;
 
@@ -174,6 +176,7 @@ typedef struct {
     char *molecule_file;
     cn_material material;
     double velocity[3], spin[3];
+    char *start_file; /* positions of its nodes, x y z a line [m], NULL: at rest */
     cn_fixed fixed;
     int nload;
     cn_load *load;
@@ -192,7 +195,7 @@ typedef struct {
 typedef enum { CN_CONTACT_STRICT, CN_CONTACT_PROJECT, CN_CONTACT_PENALTY, CN_CONTACT_NONE } cn_contact_method;
 typedef enum { CN_RESPONSE_INELASTIC, CN_RESPONSE_ELASTIC } cn_response;
 typedef enum { CN_LINEAR_AUTO = -1, CN_LINEAR_CHOLESKY, CN_LINEAR_CG, CN_LINEAR_CHAIN } cn_linear;
-typedef enum { CN_INTEGRATOR_EULER } cn_integrator;
+typedef enum { CN_INTEGRATOR_EULER, CN_INTEGRATOR_MIDPOINT, CN_INTEGRATOR_TRBDF2 } cn_integrator;
 
 typedef struct {
     char *path; /* the file it came from, "" if none */

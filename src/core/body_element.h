@@ -5,7 +5,7 @@
 #ifndef CN_BODY_ELEMENT_H
 #define CN_BODY_ELEMENT_H
 
-#include "catnav/body.h"
+#include "body_methods.h"
 #include "matrix.h"
 #include "pool.h"
 
@@ -31,10 +31,7 @@ struct cn_element_data {
     const cn_kernels *kernels; /* for this processor */
 };
 
-struct cn_scatter {
-    cn_matrix *matrix;
-    int (*block)[16]; /* of each lane, row-major over its 4x4 node pairs (nbatch * 8) */
-};
+/* A scatter's block: 16 of each lane, row-major over its 4x4 node pairs (nbatch * 8 x 16). */
 
 cn_status cn_element_data_new(struct cn_element_data **out, const cn_body *body);
 void cn_element_data_free(struct cn_element_data *data); /* NULL is fine */

@@ -13,35 +13,36 @@ static int count_rows(int nbody, const cn_body *const *body, const int *first)
     int n = 0;
 
     for (int b = 0; b < nbody; b++) {
-        const int nnode = body[b]->nnode;
-        if (nnode < 0 || body[b]->ntet < 0 || body[b]->ntet > INT_MAX / 4 || first[b] < 0 ||
-            first[b] > INT_MAX - nnode)
+        const int nblock = body[b]->nblock;
+        if (nblock < 0 || body[b]->nelement < 0 || body[b]->nelement > INT_MAX / body[b]->nper ||
+            first[b] < 0 || first[b] > INT_MAX - nblock)
             return -1;
-        if (first[b] + nnode > n) n = first[b] + nnode;
-        for (int c = 0; c < 4 * body[b]->ntet; c++)
-            if (body[b]->tet[c] < 0 || body[b]->tet[c] >= nnode) return -1;
+        if (first[b] + nblock > n) n = first[b] + nblock;
+        for (int c = 0; c < body[b]->nper * body[b]->nelement; c++)
+            if (body[b]->connect[c] < 0 || body[b]->connect[c] >= nblock) return -1;
     }
     return n;
 }
 
-/* Tetrahedra at each node: those of node i are packed[start[i] .. start[i+1]), as pointers to their four
- * local nodes with the body's first node beside. */
+/* Elements at each block: those of block i are packed[start[i] .. start[i+1]), as pointers to their local
+ * blocks with the body's first one beside. */
 typedef struct {
     const int *node;
-    int first;
+    int nper, first;
 } incidence;
 
 static void collect_incidences(int nbody, const cn_body *const *body, const int *first, int n, int *start,
                                incidence *packed)
 {
     for (int b = 0; b < nbody; b++)
-        for (int c = 0; c < 4 * body[b]->ntet; c++)
-            start[first[b] + body[b]->tet[c] + 1]++;
+        for (int c = 0; c < body[b]->nper * body[b]->nelement; c++)
+            start[first[b] + body[b]->connect[c] + 1]++;
     for (int i = 0; i < n; i++)
         start[i + 1] += start[i];
     for (int b = 0; b < nbody; b++)
-        for (int c = 0; c < 4 * body[b]->ntet; c++)
-            packed[start[first[b] + body[b]->tet[c]]++] = (incidence){body[b]->tet + c / 4 * 4, first[b]};
+        for (int c = 0; c < body[b]->nper * body[b]->nelement; c++)
+            packed[start[first[b] + body[b]->connect[c]]++] =
+                (incidence){body[b]->connect + c / body[b]->nper * body[b]->nper, body[b]->nper, first[b]};
     for (int i = n; i > 0; i--)
         start[i] = start[i - 1];
     start[0] = 0;
@@ -61,7 +62,7 @@ static int collect_row(int i, const int *start, const incidence *packed, int *ma
     if (col) col[count] = i;
     count++;
     for (int e = start[i]; e < start[i + 1]; e++)
-        for (int c = 0; c < 4; c++) {
+        for (int c = 0; c < packed[e].nper; c++) {
             const int j = packed[e].first + packed[e].node[c];
             if (mark[j] == i) continue;
             mark[j] = i;
@@ -82,7 +83,7 @@ cn_status cn_matrix_new(cn_matrix **out, int nbody, const cn_body *const *body, 
     cn_matrix *matrix = calloc(1, sizeof *matrix);
     size_t corners = 0;
     for (int b = 0; b < nbody; b++)
-        corners += 4 * (size_t)body[b]->ntet;
+        corners += (size_t)body[b]->nper * (size_t)body[b]->nelement;
     int *start = calloc((size_t)n + 1, sizeof *start);
     int *mark = malloc(((size_t)n + 1) * sizeof *mark);
     incidence *packed = malloc((corners + 1) * sizeof *packed);

@@ -74,6 +74,7 @@ void cn_tets_free(cn_tets *tets)
     if (!tets) return;
     free(tets->node);
     free(tets->tet);
+    free(tets->mid);
     free(tets);
 }
 

@@ -487,7 +487,7 @@ cn_status cn_read_msh(cn_scan *scan, cn_surface **surface, cn_tets **tets)
         *surface = triangles;
     } else {
         free(body->node), free(body->tet);
-        *body = (cn_tets){file.nnode, file.nelement, file.node, file.element};
+        *body = (cn_tets){file.nnode, file.nelement, file.node, file.element, NULL};
         *tets = body;
     }
     file.node = NULL;

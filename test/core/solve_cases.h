@@ -68,9 +68,11 @@ static inline section section_square(int cells, double size)
  * tetrahedra along diagonals from its lower to its higher node, so that neighbours agree. */
 static inline cn_body body_sweep(section s, int stations, double length)
 {
-    cn_body body = {.nnode = s.nnode * stations, .ntet = 3 * s.ntri * (stations - 1)};
+    cn_body body = {.nnode = s.nnode * stations, .ntet = 3 * s.ntri * (stations - 1), .nper = 4};
+    body.nblock = body.nnode, body.nelement = body.ntet;
     int t = 0;
     body.tet = malloc(sizeof(int[4]) * (size_t)body.ntet);
+    body.connect = body.tet;
     body.rest = malloc(sizeof(double[3]) * (size_t)body.nnode);
     for (int i = 0; i < body.nnode; i++) {
         memcpy(body.rest + 3 * i, s.xy[i % s.nnode], sizeof(double[2]));

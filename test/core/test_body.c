@@ -518,7 +518,7 @@ static void a_sliver_counts_by_its_share_of_the_mean(void **state)
             double node[18] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 0.5, 0, 0};
             int tet[8] = {0, 1, 2, 3, 0, 2, 1, 4};
             node[12] = node[13] = 0.2, node[14] = -height[i] / 2; /* mean about half: a ratio of `height` */
-            cn_tets mesh = {5, 2, node, tet};
+            cn_tets mesh = {5, 2, node, tet, NULL};
             cn_body *body;
             for (int n = 0; n < 18; n++)
                 node[n] *= unit[k];

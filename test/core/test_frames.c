@@ -20,7 +20,7 @@
 /* Two tetrahedra with a face in common. */
 static double rest[15] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1};
 static int tet[8] = {0, 1, 2, 3, 1, 2, 3, 4};
-static cn_body body = {.nnode = 5, .ntet = 2, .tet = tet, .rest = rest};
+static cn_body body = {.nnode = 5, .npoint = 5, .ntet = 2, .tet = tet, .rest = rest, .point = rest};
 
 static char folder[64];
 

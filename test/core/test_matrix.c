@@ -16,7 +16,7 @@ static double noise(unsigned *seed)
 static void one_tetrahedron_couples_all_its_nodes(void **state)
 {
     int tet[4] = {3, 0, 2, 1};
-    const cn_body body = {.nnode = 4, .ntet = 1, .tet = tet}, *const bodies[] = {&body};
+    const cn_body body = {.nblock = 4, .nelement = 1, .nper = 4, .connect = tet}, *const bodies[] = {&body};
     cn_matrix *a;
 
     (void)state;
@@ -32,7 +32,7 @@ static void one_tetrahedron_couples_all_its_nodes(void **state)
 static void bodies_stand_side_by_side_and_lone_nodes_keep_their_diagonal(void **state)
 {
     int tet[4] = {0, 1, 2, 3};
-    const cn_body body = {.nnode = 4, .ntet = 1, .tet = tet}, lone = {.nnode = 2};
+    const cn_body body = {.nblock = 4, .nelement = 1, .nper = 4, .connect = tet}, lone = {.nblock = 2, .nper = 4};
     const cn_body *const bodies[] = {&body, &lone, &body};
     cn_matrix *a;
 
@@ -67,7 +67,7 @@ static void an_empty_set_of_bodies_gives_an_empty_matrix(void **state)
 static void indices_out_of_range_are_refused(void **state)
 {
     int tet[4] = {0, 1, 2, 3};
-    cn_body body = {.nnode = 4, .ntet = 1, .tet = tet};
+    cn_body body = {.nblock = 4, .nelement = 1, .nper = 4, .connect = tet};
     const cn_body *const bodies[] = {&body};
     cn_matrix *a;
 
@@ -77,7 +77,7 @@ static void indices_out_of_range_are_refused(void **state)
     assert_int_equal(cn_matrix_new(&a, 1, bodies, (int[]){0}), CN_ERR_ARG);
     tet[2] = -1;
     assert_int_equal(cn_matrix_new(&a, 1, bodies, (int[]){0}), CN_ERR_ARG);
-    tet[2] = 2, body.nnode = -4;
+    tet[2] = 2, body.nblock = -4;
     assert_int_equal(cn_matrix_new(&a, 1, bodies, (int[]){0}), CN_ERR_ARG);
     assert_null(a);
 }
@@ -123,7 +123,7 @@ static void product_equals_the_dense_one_over_the_active_rows_for_any_thread_cou
 static void clear_zeroes_the_leading_rows_alone(void **state)
 {
     int tet[4] = {0, 1, 2, 3};
-    const cn_body body = {.nnode = 4, .ntet = 1, .tet = tet}, *const bodies[] = {&body};
+    const cn_body body = {.nblock = 4, .nelement = 1, .nper = 4, .connect = tet}, *const bodies[] = {&body};
     cn_matrix *a;
 
     (void)state;

@@ -153,7 +153,7 @@ static void a_regular_tetrahedron_measures_as_such_in_any_unit(void **state)
         const double h = ldexp(1, e);
         double node[12] = {h, h, h, -h, -h, h, -h, h, -h, h, -h, -h};
         int tet[4] = {0, 2, 1, 3};
-        const cn_tets tets = {4, 1, node, tet};
+        const cn_tets tets = {4, 1, node, tet, NULL};
         cn_tets_doctor d;
         assert_int_equal(cn_tets_measure(&tets, &d, NULL), CN_OK);
         assert_true(fabs(d.dihedral_min - 70.528779365509308) < 1e-12 &&
