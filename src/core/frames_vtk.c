@@ -81,42 +81,43 @@ static bool all_finite(size_t n, const double *values)
 cn_status cn_vtu_write(const cn_frame_body *body, const char *path, cn_error *error)
 {
     const cn_body *b = body->body;
-    const size_t nnode = (size_t)b->nnode, ntet = (size_t)b->ntet;
+    const size_t npoint = (size_t)b->npoint, ntet = (size_t)b->ntet, width = b->mid ? 10 : 4;
     cn_output output;
     appended a;
     cn_status status = CN_ERR_MEMORY;
-    double *displacement = malloc((3 * nnode + 1) * sizeof *displacement);
-    int32_t *offset = malloc((ntet + 1) * sizeof *offset), *corner = malloc((4 * ntet + 1) * sizeof *corner);
+    double *displacement = malloc((3 * npoint + 1) * sizeof *displacement);
+    int32_t *offset = malloc((ntet + 1) * sizeof *offset),
+            *corner = malloc((width * ntet + 1) * sizeof *corner);
     unsigned char *type = malloc(ntet + 1);
 
     if (!displacement || !offset || !corner || !type) {
         cn_fail(error, status, path, 0, "out of memory while a frame is written");
         goto done;
     }
-    if (!all_finite(3 * nnode, body->x) || (body->von_mises && !all_finite(ntet, body->von_mises))) {
+    if (!all_finite(3 * npoint, body->x) || (body->von_mises && !all_finite(ntet, body->von_mises))) {
         status = cn_fail(error, CN_ERR_NOT_FINITE, path, 0, "%s has a position or stress that is not finite",
                          body->name);
         goto done;
     }
-    for (size_t i = 0; i < 3 * nnode; i++)
-        displacement[i] = body->x[i] - b->rest[i];
+    for (size_t i = 0; i < 3 * npoint; i++)
+        displacement[i] = body->x[i] - b->point[i];
     for (size_t i = 0; i < ntet; i++) {
-        offset[i] = (int32_t)(4 * (i + 1));
-        type[i] = 10; /* VTK_TETRA */
-        for (int k = 0; k < 4; k++)
-            corner[4 * i + (size_t)k] = b->tet[4 * i + (size_t)k];
+        offset[i] = (int32_t)(width * (i + 1));
+        type[i] = b->mid ? 24 : 10; /* VTK_QUADRATIC_TETRA, VTK_TETRA */
+        for (size_t k = 0; k < width; k++)
+            corner[width * i + k] = k < 4 ? b->tet[4 * i + k] : b->mid[6 * i + k - 4];
     }
     if ((status = cn_output_open(&output, path, error)) != CN_OK) goto done;
     begin(&a, output.file, "UnstructuredGrid");
-    fprintf(output.file, "<Piece NumberOfPoints=\"%d\" NumberOfCells=\"%d\">\n", b->nnode, b->ntet);
+    fprintf(output.file, "<Piece NumberOfPoints=\"%d\" NumberOfCells=\"%d\">\n", b->npoint, b->ntet);
     fputs("<PointData Vectors=\"displacement\">\n", output.file);
-    announce(&a, "displacement", "Float64", 3, displacement, 3 * nnode * sizeof(double));
+    announce(&a, "displacement", "Float64", 3, displacement, 3 * npoint * sizeof(double));
     fputs("</PointData>\n<CellData Scalars=\"stress\">\n", output.file);
     if (body->von_mises) announce(&a, "stress", "Float64", 1, body->von_mises, ntet * sizeof(double));
     fputs("</CellData>\n<Points>\n", output.file);
-    announce(&a, "Points", "Float64", 3, body->x, 3 * nnode * sizeof(double));
+    announce(&a, "Points", "Float64", 3, body->x, 3 * npoint * sizeof(double));
     fputs("</Points>\n<Cells>\n", output.file);
-    announce(&a, "connectivity", "Int32", 1, corner, 4 * ntet * sizeof *corner);
+    announce(&a, "connectivity", "Int32", 1, corner, width * ntet * sizeof *corner);
     announce(&a, "offsets", "Int32", 1, offset, ntet * sizeof *offset);
     announce(&a, "types", "UInt8", 1, type, ntet);
     fputs("</Cells>\n", output.file);

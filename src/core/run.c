@@ -121,9 +121,11 @@ static cn_status prepare(cn_run_data *run)
     for (int b = 0; b < run->nbody; b++) {
         if ((status = cn_work_new(&run->body[b].work, run->model, b, run->pool, &run->error)) != CN_OK)
             return status;
-        run->body[b].von_mises = calloc((size_t)run->model->body[b].body->ntet + 1, sizeof(double));
-        run->body[b].turn = calloc(4 * (size_t)run->model->body[b].body->ntet + 1, sizeof(double));
-        if (!run->body[b].von_mises || !run->body[b].turn) return CN_ERR_MEMORY;
+        const cn_body *body = run->model->body[b].body;
+        run->body[b].von_mises = calloc((size_t)body->ntet + 1, sizeof(double));
+        run->body[b].turn = calloc(4 * (size_t)body->nturn + 1, sizeof(double));
+        run->body[b].points = calloc(3 * (size_t)body->npoint + 1, sizeof(double));
+        if (!run->body[b].von_mises || !run->body[b].turn || !run->body[b].points) return CN_ERR_MEMORY;
         cn_drive_progress(&run->model->body[b], &run->state->body[b], run->body[b].path);
         run->state->body[b].progress = -INFINITY;
     }
@@ -359,7 +361,8 @@ static void clear(cn_run_data *run)
         cn_work_free(body->work);
         for (int i = 0; i < CN_CHECKPOINTS; i++)
             cn_state_free(body->checkpoint[i].state);
-        free(body->vertex_s), free(body->von_mises), free(body->turn), free(body->refused);
+        free(body->vertex_s), free(body->refused);
+        free(body->von_mises), free(body->turn), free(body->points);
     }
     free(run->body);
     cn_state_free(run->state), cn_state_free(run->trial), cn_state_free(run->spare);

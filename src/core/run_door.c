@@ -154,7 +154,8 @@ bool cn_run_swallowed(cn_run_data *run, int b)
     bool found = false;
     int tri;
     if (run->model->body[b].sheath) return false; /* a chain this thin holds nothing */
-    if (cn_tree_new(&tree, body->boundary->ntri, body->boundary->tri, run->state->body[b].x) != CN_OK)
+    if (cn_tree_new(&tree, body->boundary->ntri, body->boundary->tri,
+                    cn_run_points(run, b, run->state, body->nnode)) != CN_OK)
         return false;
     cn_tree_box(tree, min, max);
     for (int w = 0; w < run->world->nwall && !found; w++)

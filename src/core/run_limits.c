@@ -8,13 +8,6 @@
 
 static const char *const limit_units[] = {"", " Pa", " J", " N", " m", " m"};
 
-static void element_centre(const cn_body *body, const double *x, int element, double centre[3])
-{
-    centre[0] = centre[1] = centre[2] = element < 0 ? NAN : 0;
-    for (int a = 0; element >= 0 && a < 4; a++)
-        cn_axpy(0.25, x + 3 * body->tet[4 * element + a], centre);
-}
-
 int cn_run_waypoint(const cn_run_data *run, const cn_state *state, int b)
 {
     return state->body[b].waypoint - (b == 0 && run->waypoint ? 0 : 1);
@@ -58,7 +51,7 @@ static reading read_quantity(const cn_run_data *run, int b, const cn_limit *limi
     default:
         r.measured = false;
     }
-    element_centre(body, x, r.element, r.where);
+    cn_body_element_centre(body, x, r.element, r.where);
     if (r.element < 0) cn_copy3(x + 3 * run->model->body[b].goal_node, r.where);
     return r;
 }
@@ -121,9 +114,8 @@ bool cn_run_limits(cn_run_data *run, int b, cn_state *trial, const cn_step_figur
         stress |= spec->limit[i].quantity == CN_QUANTITY_STRESS;
     if (run->scene->leave_out.stress == CN_OFF) stress = true;
     const cn_model_body *m = &run->model->body[b];
-    const int held = state->nfree < m->body->nnode ? m->per_station : 0;
-    cn_body_measure(m->body, state->nfree + held, state->x, trial->body[b].rotation, stress, &body->measures,
-                    stress ? body->von_mises : NULL, run->pool);
+    cn_body_measure(m->body, cn_run_active(m, state), state->x, trial->body[b].rotation, stress,
+                    &body->measures, stress ? body->von_mises : NULL, run->pool);
     if (body->measures.inverted > run->report->solver.inverted_max)
         run->report->solver.inverted_max = body->measures.inverted;
     for (int i = 0; i < spec->nlimit; i++) {

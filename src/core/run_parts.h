@@ -19,7 +19,8 @@ typedef struct {
     double *vertex_s; /* arc lengths of the roadmap vertices on the path (roadmap.npoint) */
     cn_work *work;
     double *von_mises; /* (ntet) */
-    double *turn;      /* copy of the rotations for frames: looking must not change the run (ntet x 4) */
+    double *turn;      /* copy of the rotations for frames: looking must not change the run (nturn x 4) */
+    double *points;    /* scratch of cn_run_points (npoint x 3) */
     cn_measures measures;
     int nlimit, first_limit; /* in report->limit */
     int ncheckpoint, next_vertex;
@@ -103,6 +104,10 @@ void cn_run_frame(cn_run_data *run, const cn_state *state, bool wanted); /* want
 /* Least distance of a free node from the walls where no pair is near enough to be listed; INFINITY: no nearer
  * than what the report already holds. */
 double cn_run_far_gap(const cn_run_data *run, int body, const cn_state *state);
+/* Leading nodes of a body that take part: the free ones, and one held station of a catheter in its sheath. */
+int cn_run_active(const cn_model_body *body, const cn_body_state *state);
+/* Positions of the points of the first nactive nodes: the state's own, or in the body's scratch. */
+const double *cn_run_points(const cn_run_data *run, int body, const cn_state *state, int nactive);
 double cn_seconds(void);
 
 #endif

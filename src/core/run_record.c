@@ -8,6 +8,7 @@
 #include <string.h>
 #include <time.h>
 #include "catnav/vec3.h"
+#include "polar.h"
 #include "tree.h"
 
 double cn_seconds(void)
@@ -62,16 +63,28 @@ cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double
     return CN_OK;
 }
 
+int cn_run_active(const cn_model_body *body, const cn_body_state *state)
+{
+    const int nnode = body->body->nnode, held = state->nfree < nnode ? body->per_station : 0;
+    return state->nfree + held < nnode ? state->nfree + held : nnode;
+}
+
+const double *cn_run_points(const cn_run_data *run, int b, const cn_state *state, int nactive)
+{
+    return cn_body_points(run->model->body[b].body, nactive, state->body[b].x, state->body[b].rotation,
+                          run->body[b].points);
+}
+
 double cn_run_far_gap(const cn_run_data *run, int b, const cn_state *state)
 {
     double least = isfinite(run->report->contact.gap_min) ? run->report->contact.gap_min : INFINITY;
-    const double before = least;
+    const double before = least, *x = cn_run_points(run, b, state, state->body[b].nfree);
+    const int npoint = cn_body_points_of(run->model->body[b].body, state->body[b].nfree);
     for (int w = 0; w < run->world->nwall; w++)
-        for (int i = 0; i < state->body[b].nfree; i++) {
+        for (int i = 0; i < npoint; i++) {
             int tri;
             double nearest[3];
-            least = fmin(least, cn_tree_nearest(run->world->wall[w].tree, state->body[b].x + 3 * i, least,
-                                                &tri, nearest));
+            least = fmin(least, cn_tree_nearest(run->world->wall[w].tree, x + 3 * i, least, &tri, nearest));
         }
     return least < before ? least : INFINITY;
 }
@@ -81,12 +94,11 @@ static void body_figures(cn_run_data *run, int b, cn_body_report *out)
     const cn_model_body *model = &run->model->body[b];
     const cn_body *body = model->body;
     const cn_body_state *state = &run->state->body[b];
-    const int held = state->nfree < body->nnode ? model->per_station : 0;
     double mass = 0;
     cn_measures m;
 
-    cn_body_measure(body, state->nfree + held, state->x, run->state->body[b].rotation, false, &m, NULL,
-                    run->pool);
+    cn_body_measure(body, cn_run_active(model, state), state->x, run->state->body[b].rotation, false, &m,
+                    NULL, run->pool);
     out->model = run->spec[b].model;
     out->rest_volume = body->rest_volume, out->volume = m.volume, out->energy = m.energy;
     cn_copy3(state->x + 3 * model->goal_node, out->goal);
@@ -111,6 +123,16 @@ static void body_figures(cn_run_data *run, int b, cn_body_report *out)
         cn_sub(state->x + 3 * i, out->com, r);
         cn_cross(r, state->v + 3 * i, l);
         cn_axpy(body->mass[i], l, out->angular_momentum);
+    }
+    for (int i = 0; body->inertia && i < body->nnode; i++) { /* a rod's frames: L = R I R' w */
+        const double *w = state->v + 3 * (body->nnode + i);
+        double r[9], about[3], l[3];
+        cn_quaternion_matrix(state->rotation + 4 * i, r);
+        for (int k = 0; k < 3; k++)
+            about[k] = body->inertia[3 * i + k] * (r[k] * w[0] + r[3 + k] * w[1] + r[6 + k] * w[2]);
+        cn_mat_vec(r, about, l);
+        cn_axpy(1, l, out->angular_momentum);
+        out->kinetic += 0.5 * cn_dot(l, w);
     }
     cn_beam_error e = {NAN, NAN, NAN, NAN, NAN, NAN};
     if (run->spec[b].shape.kind == CN_SHAPE_CATHETER)
@@ -142,7 +164,8 @@ void cn_run_finish(cn_run_data *run)
         report->nbody = run->model->nbody;
         for (int b = 0; b < run->model->nbody; b++) {
             const cn_body *body = run->model->body[b].body;
-            report->counts.deformable_nodes += body->nnode;
+            report->counts.deformable_nodes += body->npoint;
+            report->counts.dof += 3 * body->nblock;
             report->counts.tets += body->ntet;
             body_figures(run, b, &report->body[b]);
             sheath |= run->model->body[b].sheath;
@@ -150,7 +173,6 @@ void cn_run_finish(cn_run_data *run)
                 stress |= run->spec[b].limit[i].quantity == CN_QUANTITY_STRESS;
         }
         report->counts.nodes = report->counts.deformable_nodes + report->counts.rigid_nodes;
-        report->counts.dof = 3 * report->counts.deformable_nodes;
         left_out(run, "self_contact", "no body of this scene is tested against itself");
         left_out(run, "refit", "the walls do not move");
         if (run->kept > 0) {
@@ -189,14 +211,13 @@ void cn_run_frame(cn_run_data *run, const cn_state *state, bool wanted)
     for (int b = 0; b < run->model->nbody; b++) {
         const cn_model_body *model = &run->model->body[b];
         const cn_body_state *at = &state->body[b];
-        const int held = at->nfree < model->body->nnode ? model->per_station : 0;
-        memcpy(run->body[b].turn, at->rotation, 4 * (size_t)model->body->ntet * sizeof(double));
-        cn_body_measure(model->body, at->nfree + held, at->x, run->body[b].turn, true, &run->body[b].measures,
-                        run->body[b].von_mises, run->pool);
+        memcpy(run->body[b].turn, at->rotation, 4 * (size_t)model->body->nturn * sizeof(double));
+        cn_body_measure(model->body, cn_run_active(model, at), at->x, run->body[b].turn, true,
+                        &run->body[b].measures, run->body[b].von_mises, run->pool);
         bodies[b] = (cn_frame_body){.name = run->spec[b].name,
                                     .body = model->body,
-                                    .nactive = at->nfree,
-                                    .x = at->x,
+                                    .nactive = cn_body_points_of(model->body, at->nfree),
+                                    .x = cn_run_points(run, b, state, model->body->nnode),
                                     .von_mises = run->body[b].von_mises,
                                     .stress_limit = INFINITY};
         for (int i = 0; i < run->spec[b].nlimit; i++)

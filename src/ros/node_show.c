@@ -37,7 +37,7 @@ static shown *find_shown(cn_node *node, const cn_frame_body *b)
     if (!list) return NULL;
     node->shown = list;
     shown *s = &list[node->nshown];
-    *s = (shown){.body = b->body, .stress = calloc((size_t)b->body->nnode, sizeof(float))};
+    *s = (shown){.body = b->body, .stress = calloc((size_t)b->body->npoint, sizeof(float))};
     if (!s->stress) return NULL;
     s->id = ++node->last_id;
     node->nshown++;
@@ -58,12 +58,14 @@ void forget_shown(cn_node *node)
 static void vertex_stress(shown *s, const double *von_mises)
 {
     const cn_body *b = s->body;
-    memset(s->stress, 0, (size_t)b->nnode * sizeof(float));
+    memset(s->stress, 0, (size_t)b->npoint * sizeof(float));
     for (int e = 0; von_mises && e < b->ntet; e++) {
         const float stress = (float)von_mises[e];
         if (von_mises[e] > s->highest) s->highest = von_mises[e];
-        for (int k = 0; k < 4; k++)
-            if (stress > s->stress[b->tet[4 * e + k]]) s->stress[b->tet[4 * e + k]] = stress;
+        for (int k = 0; k < (b->mid ? 10 : 4); k++) {
+            float *at = s->stress + (k < 4 ? b->tet[4 * e + k] : b->mid[6 * e + k - 4]);
+            if (stress > *at) *at = stress;
+        }
     }
 }
 
@@ -74,7 +76,7 @@ void show_frame(cn_node *node, const cn_frame *frame)
         shown *s = find_shown(node, b);
         if (!s) continue; /* out of memory: the plan goes on unseen */
         vertex_stress(s, b->von_mises);
-        cn_ros_send_state(node->ros, node->run_frame, s->id, frame->step, frame->time, b->body->nnode, b->x,
+        cn_ros_send_state(node->ros, node->run_frame, s->id, frame->step, frame->time, b->body->npoint, b->x,
                           s->stress);
         cn_ros_send_catheter(node->ros, node->run_frame, b->name, s->id, b->nactive, b->body->boundary->ntri,
                              b->body->boundary->tri, b->x, s->stress,

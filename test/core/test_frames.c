@@ -370,6 +370,47 @@ static void vtk_reads_back_what_was_written(void **state)
     cn_path_free(route);
 }
 
+static void vtk_sees_second_order_tetrahedra_with_their_mid_nodes_in_place(void **state)
+{
+    (void)state;
+    static const char script[] =
+        "import sys, vtk\n"
+        "r = vtk.vtkXMLUnstructuredGridReader(); r.SetFileName(sys.argv[1]); r.Update()\n"
+        "g = r.GetOutput(); c = g.GetCell(0); p = g.GetPoint(4)\n"
+        "e = [[c.GetEdge(k).GetPointId(i) for i in range(3)] for k in range(6)]\n"
+        "print(g.GetNumberOfPoints(), g.GetCellType(0), c.GetNumberOfPoints(), repr(p[0]), *sum(e, []))\n";
+    static const int edge[6][2] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
+    static int corner[4] = {0, 1, 2, 3}, mid[6] = {4, 5, 6, 7, 8, 9};
+    double x[30];
+    memcpy(x, rest, 12 * sizeof *x);
+    for (int k = 0; k < 18; k++)
+        x[12 + k] = 0.5 * (rest[3 * edge[k / 3][0] + k % 3] + rest[3 * edge[k / 3][1] + k % 3]);
+    const cn_body second = {
+        .nnode = 10, .npoint = 10, .ntet = 1, .tet = corner, .mid = mid, .rest = x, .point = x};
+    const cn_frame_body piece = {"second", &second, 10, x, NULL, INFINITY};
+    const cn_frame frame = one_frame(0, &piece, 1);
+    cn_frames *frames;
+    char line[256], path[128];
+    if (vtk("import vtk\nprint(1)", "", line, sizeof line) != 0) skip();
+    assert_int_equal(cn_frames_open(&frames, folder, NULL), CN_OK);
+    assert_int_equal(cn_frames_write(frames, &frame, NULL), CN_OK);
+    cn_frames_close(frames, NULL);
+    snprintf(path, sizeof path, "%s/second_0.vtu", folder);
+    assert_int_equal(vtk(script, path, line, sizeof line), 0);
+    int npoint, type, corners, got[18], used = 0;
+    double px;
+    assert_int_equal(sscanf(line, "%d %d %d %lf%n", &npoint, &type, &corners, &px, &used), 4);
+    assert_true(npoint == 10 && type == 24 && corners == 10 && px == x[12]);
+    const char *at = line + used;
+    for (int i = 0; i < 18; i++)
+        got[i] = (int)strtol(at, (char **)&at, 10);
+    for (int k = 0; k < 6; k++) /* VTK's edge: its ends, then the node amid */
+        for (int m = 0; m < 6; m++)
+            if ((got[3 * k] == edge[m][0] && got[3 * k + 1] == edge[m][1]) ||
+                (got[3 * k] == edge[m][1] && got[3 * k + 1] == edge[m][0]))
+                assert_int_equal(got[3 * k + 2], mid[m]);
+}
+
 static void a_path_as_csv_reads_back_exactly(void **state)
 {
     (void)state;
@@ -516,6 +557,7 @@ int main(void)
         cmocka_unit_test(a_folder_holds_one_run_and_files_of_others_stay),
         cmocka_unit_test(a_second_run_in_the_same_folder_is_refused_and_harms_nothing),
         cmocka_unit_test(vtk_reads_back_what_was_written),
+        cmocka_unit_test(vtk_sees_second_order_tetrahedra_with_their_mid_nodes_in_place),
         cmocka_unit_test(a_path_as_csv_reads_back_exactly),
         cmocka_unit_test(nothing_that_is_not_finite_is_written),
         cmocka_unit_test(a_folder_that_cannot_be_made_is_one_sentence),
