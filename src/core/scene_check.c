@@ -86,13 +86,14 @@ cn_status cn_check_wall(struct cn_reader *reader, int node, void *base)
 
 cn_status cn_check_obstacle(struct cn_reader *reader, int node, void *base)
 {
-    const cn_surface_spec *obstacle = base;
+    cn_surface_spec *obstacle = base;
     const bool moves = obstacle->npath > 0,
                soft = obstacle->deformable || obstacle->wall.model != CN_WALL_RIGID;
     if (moves && soft)
         return cn_reader_refuse(reader, node, "path", "only a rigid obstacle moves along a path");
     if (soft && obstacle->shape.kind == CN_SHAPE_PLANE)
         return cn_reader_refuse(reader, node, NULL, "a plane is rigid: it has no end");
+    if (obstacle->model == CN_BODY_AUTO) obstacle->model = CN_BODY_TET4;
     return CN_OK;
 }
 
@@ -109,6 +110,8 @@ cn_status cn_check_limit(struct cn_reader *reader, int node, void *base)
 cn_status cn_check_load(struct cn_reader *reader, int node, void *base)
 {
     const cn_load *load = base;
+    if (cn_yaml_find(&reader->tree, node, "force") < 0 && cn_yaml_find(&reader->tree, node, "moment") < 0)
+        return cn_reader_refuse(reader, node, NULL, "a load needs a force or a moment");
     if (!(load->until > load->from))
         return cn_reader_refuse(reader, node, "until", "%.10g s is not after from, %.10g s", load->until,
                                 load->from);
@@ -132,8 +135,11 @@ cn_status cn_check_path(struct cn_reader *reader, int node, void *base)
 
 cn_status cn_check_body(struct cn_reader *reader, int node, void *base)
 {
-    const cn_body_spec *body = base;
+    static const cn_key model = {.choices = CN_BODY_MODELS, .low = CN_BODY_AUTO};
+    cn_body_spec *body = base;
     const bool catheter = body->shape.kind == CN_SHAPE_CATHETER;
+    if (body->model == CN_BODY_AUTO)
+        body->model = catheter ? (cn_body_model)cn_key_choice(&model, CN_CATHETER_MODEL) : CN_BODY_TET4;
     if (body->model == CN_BODY_ROD && body->shape.kind == CN_SHAPE_FILE)
         return cn_reader_refuse(reader, node, "model",
                                 "a rod needs an axis: the shape must be a catheter or a beam");
@@ -167,6 +173,33 @@ static int control_character(const char *text)
         if (*c < ' ' || *c == 127 || c1 || separator) return (int)(c - (const unsigned char *)text);
     }
     return -1;
+}
+
+/* What the second-order integrators are not made for. */
+static cn_status check_integrator(struct cn_reader *reader, int node, const cn_scene *scene)
+{
+    static const char *const names[] = {"euler", "midpoint", "trbdf2"};
+    const int solver = cn_yaml_find(&reader->tree, node, "solver");
+    const char *const name = names[scene->solver.integrator];
+    if (scene->solver.integrator == CN_INTEGRATOR_EULER) return CN_OK;
+    cn_reader_enter(reader, "solver");
+#define REFUSE(...) cn_reader_refuse(reader, solver, "integrator", __VA_ARGS__)
+    if (scene->solver.newton == 1)
+        return REFUSE("the paper's single solve (newton: 1) is Euler's, not one of %s", name);
+    if (scene->leave_out.inertia == CN_ON)
+        return REFUSE("with inertia left out each step is an equilibrium, which %s does not find: use euler",
+                      name);
+    for (int b = 0; b < scene->nbody; b++)
+        if (!(scene->body[b].material.density > 0))
+            return REFUSE("the density of \"%s\" is 0, so that each step is an equilibrium, which %s does "
+                          "not find: use euler",
+                          scene->body[b].name, name);
+    if (scene->solver.integrator == CN_INTEGRATOR_MIDPOINT && scene->contact.method == CN_CONTACT_STRICT &&
+        scene->nvessel + scene->nobstacle > 0)
+        return REFUSE("strict contact is solved for where a step is evaluated, and midpoint ends elsewhere: "
+                      "use euler or trbdf2");
+#undef REFUSE
+    return CN_OK;
 }
 
 /* Names of vessels, obstacles and bodies are one line of text and unique: limits, frames and reports speak of
@@ -225,6 +258,7 @@ cn_status cn_check_scene(struct cn_reader *reader, int node, void *base)
         return cn_reader_refuse(reader, node, "step", "%.10g s is longer than the time limit, %.10g s",
                                 scene->step, scene->time_limit);
     if ((status = check_names(reader, node, scene)) != CN_OK) return status;
+    if ((status = check_integrator(reader, node, scene)) != CN_OK) return status;
     for (int i = 0; i < scene->nbody; i++, entry = reader->tree.node[entry].next) {
         cn_path_spec *path = &scene->body[i].path;
         if ((int)path->sampling == CN_AUTO)

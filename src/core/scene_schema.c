@@ -95,7 +95,7 @@ static const cn_key obstacle_shape_keys[] = {
 static const cn_schema obstacle_shape_schema = {obstacle_shape_keys, NULL};
 
 /* --- material, limits, held nodes: of bodies and of deformable obstacles --- */
-#define BODY_MODEL .choices = "tet4|tet10|rod|molecules"
+#define BODY_MODEL .choices = CN_BODY_MODELS /* low: CN_BODY_AUTO */
 static const cn_key region_keys[] = {
     {"box",   CN_KEY_BOX,   CN_UNSET | CN_NEEDED,   "[[-1, -1, -0.01], [1, 1, 0]]", -INF, INF, "m", "elements whose centre lies in it", AT(cn_region, box), .group = 'r', MARK(cn_region, by_box, 1)},
     {"along", CN_KEY_RANGE, CN_UNSET,               "[0, 0.01]", 0, INF, "m", "of a catheter, from the tip", AT(cn_region, along), .group = 'r'},
@@ -134,7 +134,7 @@ static const cn_key wall_keys[] = {
     {0}};
 static const cn_schema wall_schema = {wall_keys, cn_check_wall};
 static const cn_key obstacle_body_keys[] = {
-    {"model",    CN_KEY_CHOICE, 0,           "tet4", 0, 0, "", "how it deforms", AT(cn_surface_spec, model), BODY_MODEL},
+    {"model",    CN_KEY_CHOICE, 0,           "auto", -1, 0, "", "how it deforms; auto: tet4", AT(cn_surface_spec, model), BODY_MODEL},
     {"material", CN_KEY_MAP,    CN_REQUIRED, "", ANY, "elastic constants and mass", AT(cn_surface_spec, material), MAP(material_schema)},
     {"fixed",    CN_KEY_MAP,    0,           "", ANY, "held nodes", AT(cn_surface_spec, fixed), MAP(fixed_schema)},
     {0}};
@@ -173,11 +173,13 @@ static const cn_schema molecule_schema = {molecule_keys, NULL};
 static const cn_key start_keys[] = {
     {"velocity", CN_KEY_VECTOR, 0, "[0, 0, 0]", -INF, INF, "m/s", "of all nodes", AT(cn_body_spec, velocity)},
     {"spin",     CN_KEY_VECTOR, 0, "[0, 0, 0]", -INF, INF, "rad/s", "about the centre of mass", AT(cn_body_spec, spin)},
+    {"positions", CN_KEY_FILE, CN_UNSET, "../../test/data/scenes/positions.txt", ANY, "of its nodes in their order, one x y z [m] a line, instead of its rest shape", AT(cn_body_spec, start_file)},
     {0}};
 static const cn_schema start_schema = {start_keys, NULL};
 static const cn_key load_keys[] = {
-    {"box",   CN_KEY_BOX,    CN_REQUIRED, "[[-1, -1, -0.01], [1, 1, 0.01]]", -INF, INF, "m", "surface triangles wholly in it carry the force, else the nodes in it by mass", AT(cn_load, box)},
-    {"force", CN_KEY_VECTOR, CN_REQUIRED, "[0, 0, 0]", -INF, INF, "N", "total", AT(cn_load, force)},
+    {"box",   CN_KEY_BOX,    CN_REQUIRED, "[[-1, -1, -0.01], [1, 1, 0.01]]", -INF, INF, "m", "surface triangles wholly in it carry the load, else the nodes in it by mass", AT(cn_load, box)},
+    {"force",  CN_KEY_VECTOR, 0,          "[0, 0, 0]", -INF, INF, "N", "total; may be left out where a moment is given", AT(cn_load, force)},
+    {"moment", CN_KEY_VECTOR, 0,          "[0, 0, 0]", -INF, INF, "N m", "total, about the centre of the loaded nodes", AT(cn_load, moment)},
     {"from",  CN_KEY_REAL,   0,           "0",    0, INF, "s", "begins", AT(cn_load, from)},
     {"until", CN_KEY_REAL,   CN_MAY_NULL, "null", 0, INF, "s", "ends; null: never", AT(cn_load, until)},
     {0}};
@@ -251,7 +253,7 @@ static const cn_schema skin_schema = {skin_keys, NULL};
 static const cn_key body_keys[] = {
     {"name",       CN_KEY_TEXT,   CN_REQUIRED | CN_NUMBERED, "device", 1, 63, "", "unique among vessels, obstacles and bodies", AT(cn_body_spec, name)},
     {"shape",      CN_KEY_MAP,    CN_REQUIRED, "", ANY, "its form at rest", AT(cn_body_spec, shape), MAP(body_shape_schema)},
-    {"model",      CN_KEY_CHOICE, 0,           "tet4", 0, 0, "", "how it deforms", AT(cn_body_spec, model), BODY_MODEL},
+    {"model",      CN_KEY_CHOICE, 0,           "auto", -1, 0, "", "how it deforms: tetrahedra of first or second order, a rod of frames, molecules; auto: " CN_CATHETER_MODEL " for a catheter, else tet4", AT(cn_body_spec, model), BODY_MODEL},
     {"molecules",  CN_KEY_MAP,    0,           "", ANY, "for model: molecules", MAP(molecule_schema)},
     {"material",   CN_KEY_MAP,    CN_REQUIRED, "", ANY, "elastic constants and mass", AT(cn_body_spec, material), MAP(material_schema)},
     {"start",      CN_KEY_MAP,    0,           "", ANY, "motion at t = 0", MAP(start_schema)},
@@ -281,7 +283,7 @@ static const cn_schema contact_schema = {contact_keys, NULL};
 static const cn_key solver_keys[] = {
     {"newton",           CN_KEY_COUNT,  CN_MAY_AUTO, "auto", 1, 1000, "", "most Newton iterations a step; 1: one linear solve a step", AT(cn_scene, solver.newton)},
     {"linear",           CN_KEY_CHOICE, 0,        "auto", -1, 0, "", "linear solver; auto: by the matrix", AT(cn_scene, solver.linear), .choices = "auto|cholesky|cg|chain"},
-    {"integrator",       CN_KEY_CHOICE, 0,        "euler", 0, 0, "", "in time (implicit)", AT(cn_scene, solver.integrator), .choices = "euler"},
+    {"integrator",       CN_KEY_CHOICE, 0,        "euler", 0, 0, "", "in time, implicit: euler of first order; midpoint (keeps energy) and trbdf2 (damps what the step does not resolve) of second", AT(cn_scene, solver.integrator), .choices = "euler|midpoint|trbdf2"},
     {"tolerance",        CN_KEY_REAL,   CN_ABOVE | CN_BELOW, "1.0e-3", 0, 1, "", "of the nonlinear residual over the largest of the external, internal and inertial forces", AT(cn_scene, solver.tolerance)},
     {"linear_tolerance", CN_KEY_REAL,   CN_ABOVE | CN_BELOW, "1.0e-4", 0, 1, "", "of an iterative linear solve's residual over its right-hand side", AT(cn_scene, solver.linear_tolerance)},
     {0}};

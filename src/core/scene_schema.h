@@ -64,6 +64,9 @@ typedef struct cn_key {
     int mark_value;
 } cn_key;
 
+#define CN_BODY_MODELS    "auto|tet4|tet10|rod|molecules"
+#define CN_CATHETER_MODEL "tet4" /* what `auto` is for a catheter */
+
 extern const cn_schema cn_scene_schema; /* of cn_scene */
 
 /* What a key takes, in words: "a number > 0 [m]". Writes at most `size` bytes and returns `text`. */

@@ -241,6 +241,16 @@ static const struct {
     {"name: device", "name: rock", 12, "already another's name"},
     {"waypoints:", "load: [{box: [[0, 0, 0], [1, 1, 1]], force: [0, 0, 0], from: 2, until: 1}]\n  waypoints:",
      16, "not after from"},
+    {"waypoints:", "load: [{box: [[0, 0, 0], [1, 1, 1]]}]\n  waypoints:", 16, "needs a force or a moment"},
+    {"waypoints:", "load: [{box: [[0, 0, 0], [1, 1, 1]], moment: [0, 1]}]\n  waypoints:", 16, "[N m]"},
+    {"{newton: auto}", "{integrator: leapfrog}", 20, "euler|midpoint|trbdf2, found leapfrog"},
+    {"{newton: auto}", "{integrator: midpoint}", 20, "solver.integrator: strict contact is solved for where"},
+    {"{newton: auto}", "{integrator: midpoint, newton: 1}", 20, "single solve (newton: 1) is Euler's"},
+    {"{newton: auto}", "{integrator: trbdf2, newton: 1}", 20, "is Euler's, not one of trbdf2"},
+    {"{newton: auto}", "{integrator: trbdf2}\nleave_out: {inertia: on}", 20, "with inertia left out"},
+    {"density: 1000}\n  waypoints: [[0, 0, 0.1]]\n  limits:\n  - {quantity: volume, limit: 0.2}\ncontact: "
+     "{method: strict}\nsolver: {newton: auto}",
+     "density: 0}\nsolver: {integrator: trbdf2}", 16, "density of \"device\" is 0"},
     {"waypoints:", "path: {region: {band: {surface: moon, max: 1}}}\n  waypoints:", 16,
      "\"moon\" is no vessel or obstacle"},
     {"waypoints:", "path: {region: {band: {surface: rock, min: 2, max: 1}}}\n  waypoints:", 16,
@@ -268,6 +278,7 @@ static const struct {
     {"wall.stl", "gone.stl", 6, "gone.stl: No such file"},
     {"wall.stl", "deep", 6, "is none"},
     {"waypoints:", "skin: {file: gone.obj}\n  waypoints:", 16, "skin.file"},
+    {"waypoints:", "start: {positions: gone.txt}\n  waypoints:", 16, "start.positions"},
     /* YAML */
     {"gravity: [0, 0, 0]", "gravity: [0, 0, 0", 4, "not readable as YAML"},
     {"gravity: [0, 0, 0]", "gravity: &g [0, 0, 0]", 3, "anchors are not used"},
@@ -405,10 +416,10 @@ static const char full[] =
     "  model: rod\n"
     "  material: {young: 8.7e6, poisson: 0.33, density: 1100, damping: 0.1, damping_stiffness: 0.2,\n"
     "    regions: [{box: [[0, 0, 0], [1, 2, 3]], young: 5}, {along: [0.1, 0.2], young: 6}]}\n"
-    "  start: {velocity: [1, 2, 3], spin: [4, 5, 6]}\n"
+    "  start: {velocity: [1, 2, 3], spin: [4, 5, 6], positions: wall.stl}\n"
     "  fixed: {box: [[-1, -2, -3], [1, 2, 3]]}\n"
     "  load: [{box: [[0, 0, 0], [1, 1, 1]], force: [7, 8, 9], from: 0.5, until: 1.5}, {box: [[0, 0, 0], [0, "
-    "0, 0]], force: [0, 0, 0]}]\n"
+    "0, 0]], moment: [1, 2, 3]}]\n"
     "  drive: {mode: push, nodes: uniform, control: [3, 1, 2], goal_node: 7, path_distance: 0.002, speed: "
     "0.1,\n"
     "    rest_length: 0.01, force_threshold: 0.3, advance_max: 0.4, twist_max: 0.5, tip_bend: {length: 0.6, "
@@ -506,7 +517,11 @@ static void every_key_reads_into_its_field(void **state)
     same3(b->fixed.box[0], -1, -2, -3);
     assert_true(b->nload == 2 && b->load[0].from == 0.5 && b->load[0].until == 1.5);
     same3(b->load[0].force, 7, 8, 9);
+    same3(b->load[0].moment, 0, 0, 0);
     assert_true(isinf(b->load[1].until) && b->load[1].from == 0);
+    same3(b->load[1].force, 0, 0, 0);
+    same3(b->load[1].moment, 1, 2, 3);
+    assert_string_equal(b->start_file, wall);
     const cn_drive_spec *d = &b->drive;
     assert_true(d->mode == CN_DRIVE_PUSH && d->nodes == CN_NODES_UNIFORM && !d->control_all &&
                 d->ncontrol == 3);
@@ -566,7 +581,8 @@ static void what_is_left_out_has_the_contracts_default(void **state)
     assert_true(s->solver.linear_tolerance == 1e-4 && s->planner.samples == -1 && s->planner.budget == 60);
     assert_true(s->planner.replans == 20 && isnan(s->planner.resolution) && s->leave_out.stress == CN_AUTO);
     assert_true(b->model == CN_BODY_TET4 && b->shape.placement.scale == 1 && b->material.damping == 0 &&
-                !b->fixed.set);
+                !b->fixed.set && !b->start_file);
+    assert_true(s->solver.integrator == CN_INTEGRATOR_EULER);
     assert_true(b->drive.mode == CN_DRIVE_FOLLOW && b->drive.nodes == CN_NODES_EACH && b->drive.control_all);
     assert_true(b->drive.goal_node == -1 && b->drive.path_distance == 1e-3 && b->drive.speed == 0.05);
     assert_true(b->drive.rest_length == 0 && isnan(b->drive.force_threshold) && b->drive.advance_max == 0.05);
@@ -582,6 +598,53 @@ static void what_is_left_out_has_the_contracts_default(void **state)
     assert_true(s->body->shape.catheter.sheath == CN_AUTO && !s->body->shape.catheter.has_core);
     assert_true(s->vessel->wall.model == CN_WALL_RIGID && s->body->limit->reduce == CN_REDUCE_MAX);
     cn_scene_free(s);
+}
+
+static void every_integrator_is_read_where_it_is_made_for(void **state)
+{
+    (void)state;
+    static const char *const settings[][2] = {
+        {"euler", "strict"}, {"trbdf2", "strict"}, {"midpoint", "project"}, {"midpoint", "none"}};
+    static const cn_integrator expected[] = {CN_INTEGRATOR_EULER, CN_INTEGRATOR_TRBDF2,
+                                             CN_INTEGRATOR_MIDPOINT, CN_INTEGRATOR_MIDPOINT};
+    cn_scene *s;
+    cn_error error;
+    for (int i = 0; i < 4; i++) {
+        const cn_setting setting[] = {{"solver.integrator", settings[i][0]},
+                                      {"contact.method", settings[i][1]}};
+        assert_int_equal(read_text(base, 2, setting, &s, &error), CN_OK);
+        assert_int_equal(s->solver.integrator, expected[i]);
+        cn_scene_free(s);
+    }
+    /* without walls there is nothing to touch */
+    s = good("bodies:\n- name: a\n  shape: {beam: {size: [1, 1, 1], cells: [1, 1, 1]}}\n"
+             "  material: {young: 1, poisson: 0, density: 1}\nsolver: {integrator: midpoint}\n");
+    assert_int_equal(s->solver.integrator, CN_INTEGRATOR_MIDPOINT);
+    cn_scene_free(s);
+}
+
+static void an_automatic_model_follows_from_the_shape(void **state)
+{
+    (void)state;
+    static const char *const models[] = {"auto", "tet4", "tet10", "rod", "molecules"};
+    for (int i = 0; i < 5; i++) {
+        char to[64];
+        snprintf(to, sizeof to, "waypoints: [[0, 0, 0.1]]\n  model: %s", models[i]);
+        char *text = varied("waypoints: [[0, 0, 0.1]]", to);
+        cn_scene *s = good(text);
+        if (i == 0)
+            assert_string_equal(models[1 + s->body->model], CN_CATHETER_MODEL);
+        else
+            assert_int_equal(s->body->model, i - 1);
+        cn_scene_free(s);
+        free(text);
+    }
+    char *text =
+        varied("shape: {sphere", "body: {material: {young: 1, poisson: 0, density: 1}}\n  shape: {sphere");
+    cn_scene *s = good(text);
+    assert_int_equal(s->obstacle->model, CN_BODY_TET4);
+    cn_scene_free(s);
+    free(text);
 }
 
 static void a_direction_of_any_length_becomes_a_unit_vector(void **state)
@@ -832,6 +895,8 @@ int main(void)
         cmocka_unit_test(a_file_beyond_16_mib_is_refused),
         cmocka_unit_test(every_key_reads_into_its_field),
         cmocka_unit_test(what_is_left_out_has_the_contracts_default),
+        cmocka_unit_test(every_integrator_is_read_where_it_is_made_for),
+        cmocka_unit_test(an_automatic_model_follows_from_the_shape),
         cmocka_unit_test(a_direction_of_any_length_becomes_a_unit_vector),
         cmocka_unit_test(a_mesh_of_just_under_two_million_nodes_is_read),
         cmocka_unit_test(a_scene_written_as_json_is_read),
