@@ -95,13 +95,14 @@ cn_status cn_run_supported(cn_run_data *run)
     }
     for (int b = 0; b < run->nbody; b++) {
         const cn_body_spec *body = &run->spec[b];
-        if (body->model != CN_BODY_TET4)
-            return unsupported(run, body->name, "this body model", "use model: tet4");
+        if (body->model == CN_BODY_MOLECULES)
+            return unsupported(run, body->name, "model molecules", "use model: tet4, tet10 or rod");
         if (body->drive.mode != CN_DRIVE_FOLLOW)
             return unsupported(run, body->name, "drive mode push", "use mode: follow");
         if (body->skin_file) return unsupported(run, body->name, "a skin", "leave out `skin`");
-        if (body->shape.kind == CN_SHAPE_CATHETER && body->shape.catheter.has_core)
-            return unsupported(run, body->name, "a guidewire core in a tet4 catheter", "leave out `core`");
+        if (body->shape.kind == CN_SHAPE_CATHETER && body->shape.catheter.has_core &&
+            body->model != CN_BODY_ROD)
+            return unsupported(run, body->name, "a guidewire core in tetrahedra", "use model: rod");
     }
     if (run->nbody > 1 && scene->contact.method != CN_CONTACT_NONE)
         return unsupported(run, "bodies", "contact between several bodies",

@@ -99,7 +99,7 @@ static void body_figures(cn_run_data *run, int b, cn_body_report *out)
 
     cn_body_measure(body, cn_run_active(model, state), state->x, run->state->body[b].rotation, false, &m,
                     NULL, run->pool);
-    out->model = run->spec[b].model;
+    out->model = body->model;
     out->rest_volume = body->rest_volume, out->volume = m.volume, out->energy = m.energy;
     cn_copy3(state->x + 3 * model->goal_node, out->goal);
     cn_copy3(out->goal, out->tip);
