@@ -85,8 +85,8 @@ typedef struct cn_contact {
     int npart;        /* parts of the body's surface, each with a tree of its own: searched side by side */
     cn_contact_part *part;
     cn_findings *found; /* per part */
-    double *from;       /* positions at which `found` was measured (nnode x 3) */
-    double *end;        /* of the motion searched (nnode x 3) */
+    double *from;       /* positions at which `found` was measured (npoint x 3) */
+    double *end;        /* of the motion searched (npoint x 3) */
     bool anchored;      /* the list holds within reach of `from` */
     double reach;       /* [m] */
     double gap_listed;  /* pairs that can come nearer than this are listed [m] */
@@ -98,7 +98,9 @@ cn_status cn_contact_new(cn_contact **out, const cn_contact_model *model);
 void cn_contact_free(cn_contact *contact);
 cn_status cn_contact_grow(cn_contact *contact);
 
-/* Lists every pair that can come nearer than max(gap, listed) while the nodes are within reach of the motion
+/* Here the body's nodes are its points (body.h), and x, dx, f are theirs.
+ *
+ * Lists every pair that can come nearer than max(gap, listed) while the nodes are within reach of the motion
  * from x to x + dx (NULL: they stay at x). Nodes [0, nfree) take part. */
 cn_status cn_contact_find(const cn_contact_model *model, cn_contact *contact, int nfree, const double *x,
                           const double *dx, double reach, double listed, cn_pool *pool);
@@ -106,10 +108,11 @@ cn_status cn_contact_find(const cn_contact_model *model, cn_contact *contact, in
  * x. */
 void cn_contact_anchor(const cn_contact_model *model, cn_contact *contact, const double *x, cn_pool *pool);
 /* Barrier energy [J] at x; adds the force on the nodes to f (may be NULL) and its stiffness to A (may be
- * NULL): the whole second derivative when exact (mollifier aside), else its positive Gauss-Newton part.
- * INFINITY when a distance is not positive. */
+ * NULL): the whole second derivative when exact (mollifier aside), else its positive Gauss-Newton part. Where
+ * the points hang on blocks (carry not NULL) A is over those; what comes of the arms' turning is
+ * cn_body_pull's. INFINITY when a distance is not positive. */
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
-                      cn_matrix *a, bool exact, cn_pool *pool);
+                      const cn_carry *carry, cn_matrix *a, bool exact, cn_pool *pool);
 /* Largest fraction in [0, 1] of the motion dx from x that keeps every pair at least `keep` of its distance
  * apart all along: conservative. The motion must stay within the reach. */
 double cn_contact_motion(const cn_contact_model *model, cn_contact *contact, const double *x,

@@ -201,8 +201,44 @@ static int chunks(const cn_contact *contact)
     return (contact->npair + CHUNK - 1) / CHUNK;
 }
 
+static void add_block(cn_matrix *a, int i, int j, const double h[9])
+{
+    double *block = a->value + 9 * (size_t)cn_matrix_find(a, i, j);
+    for (int k = 0; k < 9; k++)
+        block[k] += h[k];
+}
+
+static void times(const double a[9], const double b[9], bool transposed, double c[9])
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            c[3 * i + j] = 0;
+            for (int k = 0; k < 3; k++)
+                c[3 * i + j] += a[transposed ? 3 * k + i : 3 * i + k] * b[3 * k + j];
+        }
+}
+
+/* Adds the stiffness h between points i and j: J' h J by the blocks they hang on, J = (I, arm). */
+static void add_stiffness(cn_matrix *a, const cn_carry *carry, int i, int j, const double h[9])
+{
+    if (!carry) {
+        add_block(a, i, j, h);
+        return;
+    }
+    const double *arm_i = carry->arm + 9 * (size_t)i, *arm_j = carry->arm + 9 * (size_t)j;
+    const int p = carry->node[i], q = carry->node[j], turn = carry->turn;
+    double right[9], left[9], both[9];
+    times(h, arm_j, false, right);
+    times(arm_i, h, true, left);
+    times(arm_i, right, true, both);
+    add_block(a, p, q, h);
+    add_block(a, p, turn + q, right);
+    add_block(a, turn + p, q, left);
+    add_block(a, turn + p, turn + q, both);
+}
+
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
-                      cn_matrix *a, bool exact, cn_pool *pool)
+                      const cn_carry *carry, cn_matrix *a, bool exact, cn_pool *pool)
 {
     pass p = {.model = model, .contact = contact, .x = x};
     double energy = 0;
@@ -226,14 +262,13 @@ double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const 
         }
         for (int k = 0; a && k < at.n; k++)
             for (int l = 0; l < at.n; l++) {
-                double *block = a->value + 9 * (size_t)cn_matrix_find(a, pair->a[k], pair->a[l]), h[9];
+                double h[9];
                 const double bend = exact ? model->kappa * m * b1 / at.distance : 0;
                 const double s = (model->kappa * m * b2 - bend) * at.weight[k] * at.weight[l];
                 if (exact) half_square_hessian(&at, k, l, h);
-                for (int r = 0; r < 3; r++)
-                    for (int c = 0; c < 3; c++)
-                        block[3 * r + c] +=
-                            s * at.direction[r] * at.direction[c] + (exact ? bend * h[3 * r + c] : 0);
+                for (int r = 0; r < 9; r++)
+                    h[r] = s * at.direction[r / 3] * at.direction[r % 3] + (exact ? bend * h[r] : 0);
+                add_stiffness(a, carry, pair->a[k], pair->a[l], h);
             }
     }
     return energy;
@@ -245,7 +280,7 @@ void cn_contact_anchor(const cn_contact_model *model, cn_contact *contact, const
     cn_pool_run(pool, chunks(contact), measure_chunk, &p);
     for (int i = 0; i < contact->npair; i++)
         contact->pair[i].found = contact->distance[i];
-    memcpy(contact->from, x, 3 * (size_t)model->body->nnode * sizeof *x);
+    memcpy(contact->from, x, 3 * (size_t)model->body->npoint * sizeof *x);
     contact->anchored = true;
 }
 

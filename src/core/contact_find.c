@@ -144,7 +144,7 @@ static bool add_triangle_pair(void *user, int ia, int ib)
             wall_box(2, eb, y, bmin, bmax);
             if (!boxes_meet(amin, amax, bmin, bmax)) continue;
             double da[3], db[3];
-            cn_sub(s->model->body->rest + 3 * ea[1], s->model->body->rest + 3 * ea[0], da);
+            cn_sub(s->model->body->point + 3 * ea[1], s->model->body->point + 3 * ea[0], da);
             cn_sub(y + 3 * eb[1], y + 3 * eb[0], db);
             cn_pair pair = {.kind = CN_PAIR_EDGES,
                             .a = {ea[0], ea[1], -1},
@@ -198,7 +198,7 @@ cn_status cn_contact_find(const cn_contact_model *model, cn_contact *contact, in
                           const double *dx, double reach, double listed, cn_pool *pool)
 {
     const double gap = listed > model->gap ? listed : model->gap;
-    const size_t n = 3 * (size_t)model->body->nnode;
+    const size_t n = 3 * (size_t)model->body->npoint;
     search s = {.model = model, .contact = contact, .x = x, .dx = dx, .nfree = nfree, .margin = gap + reach};
     bool full = false;
 

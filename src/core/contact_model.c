@@ -46,14 +46,14 @@ static cn_status sorted_triangles(int **out, const cn_body *body)
         free(key);
         return CN_ERR_MEMORY;
     }
-    for (int i = 0; i < 3 * body->nnode; i++)
-        low[i % 3] = fmin(low[i % 3], body->rest[i]), high[i % 3] = fmax(high[i % 3], body->rest[i]);
+    for (int i = 0; i < 3 * body->npoint; i++)
+        low[i % 3] = fmin(low[i % 3], body->point[i]), high[i % 3] = fmax(high[i % 3], body->point[i]);
     for (int k = 1; k < 3; k++)
         if (high[k] - low[k] > high[axis] - low[axis]) axis = k;
     for (int t = 0; t < surface->ntri; t++) {
         key[t] = (sort_key){0, t};
         for (int k = 0; k < 3; k++)
-            key[t].key += body->rest[3 * surface->tri[3 * t + k] + axis];
+            key[t].key += body->point[3 * surface->tri[3 * t + k] + axis];
     }
     qsort(key, (size_t)surface->ntri, sizeof *key, by_key);
     for (int t = 0; t < 3 * surface->ntri; t++)
@@ -65,15 +65,15 @@ static cn_status sorted_triangles(int **out, const cn_body *body)
 static cn_status inner_nodes(cn_contact_model *model)
 {
     const cn_body *body = model->body;
-    unsigned char *outer = calloc((size_t)body->nnode + 1, 1);
-    model->inner = malloc(((size_t)body->nnode + 1) * sizeof *model->inner);
+    unsigned char *outer = calloc((size_t)body->npoint + 1, 1);
+    model->inner = malloc(((size_t)body->npoint + 1) * sizeof *model->inner);
     if (!outer || !model->inner) {
         free(outer);
         return CN_ERR_MEMORY;
     }
     for (int c = 0; c < 3 * body->boundary->ntri; c++)
         outer[model->tri[c]] = 1;
-    for (int i = 0; i < body->nnode; i++)
+    for (int i = 0; i < body->npoint; i++)
         if (!outer[i]) model->inner[model->ninner++] = i;
     free(outer);
     return CN_OK;
@@ -91,7 +91,7 @@ cn_status cn_contact_model_new(cn_contact_model **out, const cn_body *body, cons
     model->wall_plane = calloc((size_t)world->nwall + 1, sizeof *model->wall_plane);
     if (!model->wall_collider || !model->wall_plane) goto fail;
     if ((status = sorted_triangles(&model->tri, body)) != CN_OK) goto fail;
-    status = cn_collider_new(&model->collider, body->boundary->ntri, model->tri, body->nnode, NULL);
+    status = cn_collider_new(&model->collider, body->boundary->ntri, model->tri, body->npoint, NULL);
     for (int w = 0; w < world->nwall && status == CN_OK; w++) {
         const cn_surface *wall = world->wall[w].surface;
         status = cn_collider_new(&model->wall_collider[w], wall->ntri, wall->tri, wall->nvert, wall->vert);
@@ -146,12 +146,12 @@ static cn_status part_memory(cn_contact *contact, const cn_contact_model *model)
         cn_contact_part *part = &contact->part[contact->npart++];
         part->first = (int)((long)ntri * p / npart);
         part->ntri = (int)((long)ntri * (p + 1) / npart) - part->first;
-        part->capacity = 1024, part->lowest = model->body->nnode;
+        part->capacity = 1024, part->lowest = model->body->npoint;
         for (int c = 3 * part->first; c < 3 * (part->first + part->ntri); c++)
             part->lowest = model->tri[c] < part->lowest ? model->tri[c] : part->lowest;
         if (!(part->pair = malloc((size_t)part->capacity * sizeof *part->pair))) return CN_ERR_MEMORY;
         if ((status = cn_tree_new(&part->tree, part->ntri, model->tri + 3 * part->first,
-                                  model->body->rest)) != CN_OK)
+                                  model->body->point)) != CN_OK)
             return status;
     }
     return CN_OK;
@@ -165,8 +165,8 @@ cn_status cn_contact_new(cn_contact **out, const cn_contact_model *model)
     cn_status status = CN_ERR_MEMORY;
     *out = NULL;
     if (!contact) return CN_ERR_MEMORY;
-    contact->from = malloc(3 * (size_t)body->nnode * sizeof *contact->from);
-    contact->end = malloc(3 * (size_t)body->nnode * sizeof *contact->end);
+    contact->from = malloc(3 * (size_t)body->npoint * sizeof *contact->from);
+    contact->end = malloc(3 * (size_t)body->npoint * sizeof *contact->end);
     contact->patch_of = malloc(((size_t)nwall + 1) * sizeof *contact->patch_of);
     if (!contact->from || !contact->end || !contact->patch_of) goto fail;
     contact->patch_of[0] = 0;

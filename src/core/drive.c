@@ -72,7 +72,7 @@ static void prepare_each(const cn_model_body *body, const cn_body_state *state, 
 {
     const double target = aim(body, state, path), margin = 2 * body->diameter + 0.5 * lookahead(body);
     const double speed = body->spec->drive.speed;
-    const int group = body->catheter ? body->per_station : 1;
+    const int group = body->catheter ? body->per_section : 1;
     /* near a waypoint the leading end is steered as in a bend of 20 diameters, so that it meets its tolerance
      */
     const bool arriving =
@@ -247,10 +247,10 @@ void cn_axis_points(const cn_model_body *body, const cn_body_state *state, int *
 {
     *naxis = 0;
     if (!body->catheter) return;
-    for (int first = 0; first < state->nfree; first += body->per_station) {
+    for (int first = 0; first < state->nfree; first += body->per_section) {
         double *p = axis + 3 * (*naxis)++;
         p[0] = p[1] = p[2] = 0;
-        for (int i = first; i < first + body->per_station; i++)
-            cn_axpy(1.0 / body->per_station, state->x + 3 * i, p);
+        for (int i = first; i < first + body->per_section; i++)
+            cn_axpy(1.0 / body->per_section, state->x + 3 * i, p);
     }
 }

@@ -74,7 +74,9 @@ static cn_status lay_catheter(cn_model_body *body, cn_tets *mesh, double **along
     const double *t = shape->catheter.direction;
     body->catheter = true;
     body->nstation = shape->catheter.stations;
-    body->per_station = mesh->nnode / body->nstation;
+    const int nsection = mesh->mid ? 2 * body->nstation - 1 : body->nstation;
+    body->per_section = mesh->nnode / nsection;
+    body->per_station = mesh->mid ? 2 * body->per_section : body->per_section;
     body->diameter = shape->catheter.diameter;
     cn_copy3(shape->catheter.entry, body->entry);
     cn_copy3(t, body->direction);
@@ -216,8 +218,8 @@ static cn_status contact_of(cn_model_body *out, const cn_scene *scene, const cn_
     if (world->nwall == 0) return CN_OK;
     for (int t = 0; t < body->boundary->ntri; t++)
         for (int k = 0; k < 3; k++)
-            edges += cn_distance(body->rest + 3 * body->boundary->tri[3 * t + k],
-                                 body->rest + 3 * body->boundary->tri[3 * t + (k + 1) % 3]);
+            edges += cn_distance(body->point + 3 * body->boundary->tri[3 * t + k],
+                                 body->point + 3 * body->boundary->tri[3 * t + (k + 1) % 3]);
     const double edge = edges / (3.0 * body->boundary->ntri);
     const double length = out->diameter > 0 && out->diameter < edge ? out->diameter : edge;
     const double gap = isnan(scene->contact.gap) ? 0.075 * length : scene->contact.gap;
@@ -266,7 +268,7 @@ static cn_status build_body(cn_model_body *out, const cn_scene *scene, const cn_
         out->size = spec->shape.catheter.length;
     }
     const size_t n = (size_t)body->nnode;
-    out->fixed = calloc(n, 1);
+    out->fixed = calloc((size_t)body->nblock, 1);
     if (!out->catheter) out->behind = malloc(n * sizeof *out->behind);
     if (!out->catheter) out->offset = malloc(2 * n * sizeof *out->offset);
     out->control = malloc(n * sizeof *out->control);
@@ -274,8 +276,8 @@ static cn_status build_body(cn_model_body *out, const cn_scene *scene, const cn_
     status = CN_ERR_MEMORY;
     if (!out->fixed || !out->behind || !out->offset || !out->control || !out->load) goto done;
     if ((status = drive_geometry(out, error)) != CN_OK) goto done;
-    for (int i = 0; spec->fixed.set && i < body->nnode; i++)
-        out->fixed[i] = in_box(spec->fixed.box, body->rest + 3 * i);
+    for (int i = 0; spec->fixed.set && i < body->nblock; i++)
+        out->fixed[i] = in_box(spec->fixed.box, body->rest + 3 * (i % body->nnode));
     int nfixed = 0;
     for (int i = 0; i < body->nnode; i++)
         nfixed += out->fixed[i];
@@ -307,6 +309,7 @@ cn_status cn_model_new(cn_model **out, const cn_scene *scene, const cn_world *wo
     cn_copy3(scene->gravity, model->gravity);
     model->single = scene->solver.newton == 1;
     model->inertia = scene->leave_out.inertia != CN_ON;
+    model->integrator = model->inertia && !model->single ? scene->solver.integrator : CN_INTEGRATOR_EULER;
     model->newton = scene->solver.newton > 0 ? scene->solver.newton : 60;
     model->body = calloc((size_t)nbody + 1, sizeof *model->body);
     if (!model->body) status = CN_ERR_MEMORY;
@@ -330,8 +333,8 @@ void cn_model_free(cn_model *model)
         cn_model_body *body = &model->body[b];
         for (int l = 0; body->load && l < body->spec->nload; l++)
             free(body->load[l].force);
-        free(body->load), free(body->fixed), free(body->tip), free(body->behind), free(body->offset),
-            free(body->control);
+        free(body->load), free(body->fixed), free(body->start), free(body->tip), free(body->behind),
+            free(body->offset), free(body->control);
         cn_contact_model_free(body->contact);
         cn_body_free(body->body);
     }

@@ -3,7 +3,9 @@
  * A step solves the implicit Euler equation
  *     M (v' - v)/dt + C v' = f_elastic(x') + f_drive(x') + f_contact(x') + f_external,  x' = x + dt v'
  * as the minimum of its incremental potential, by Newton with line search; with `solver.newton: 1` by the one
- * frozen-rotation solve of the first paper. A step allocates nothing of its own. */
+ * frozen-rotation solve of the first paper. The other integrators are one or two such minima (step.c). A step
+ * allocates nothing of its own. Positions, velocities and forces are by blocks of three unknowns (body.h): a
+ * rod's rotation vectors, angular velocities and moments stand behind those of its nodes. */
 #ifndef CN_SIM_H
 #define CN_SIM_H
 
@@ -19,7 +21,7 @@
 /* Total nodal force of one load, on from `from` until `until` [s]. */
 typedef struct {
     double from, until;
-    double *force; /* [N] (nnode x 3) */
+    double *force; /* [N], moments [N m] (nblock x 3) */
 } cn_nodal_load;
 
 /* One body as it enters the run. */
@@ -27,7 +29,8 @@ typedef struct {
     const cn_body_spec *spec;
     cn_body *body;
     cn_contact_model *contact; /* NULL: nothing to touch */
-    unsigned char *fixed;      /* held by the scene (nnode) */
+    unsigned char *fixed;      /* held by the scene (nblock) */
+    double *start;             /* positions at t = 0 [m], NULL: at rest (nnode x 3) */
     int nload;
     cn_nodal_load *load;
     int ntip, *tip; /* nodes of a beam's +x face */
@@ -36,9 +39,10 @@ typedef struct {
     int *control;
     double *behind; /* rest distance behind the goal node [m]      (nnode)     */
     double *offset; /* rest offset in the section, n and b [m]     (nnode x 2) */
-    /* a catheter: nodes in stations from the tip, its axis through entry along direction */
+    /* a catheter: nodes in stations from the tip, its axis through entry along direction. A station is what
+     * leaves the sheath at once; of tet10 two sections, the corner nodes' and the one behind it. */
     bool catheter, sheath;
-    int nstation, per_station;
+    int nstation, per_station, per_section;
     double entry[3], direction[3], normal[3], binormal[3];
     double bending;  /* EI over mass per length [m^4/s^2], 0: no beam */
     double diameter; /* of the device [m], 0: no beam */
@@ -50,17 +54,18 @@ typedef struct {
     const cn_scene *scene;
     const cn_world *world;
     double dt, gravity[3];
-    int newton;           /* most iterations of a step */
-    bool single;          /* the paper's one frozen-rotation solve */
-    bool inertia;         /* false: each step is a static equilibrium */
+    int newton;   /* most iterations of a step */
+    bool single;  /* the paper's one frozen-rotation solve */
+    bool inertia; /* false: each step is a static equilibrium */
+    cn_integrator integrator;
     bool stress_left_out; /* no limit and no frame asks for it */
     int nbody;
     cn_model_body *body;
 } cn_model;
 
 typedef struct {
-    double *x, *v;    /* positions [m], velocities [m/s] (nnode x 3) */
-    double *rotation; /* warm start of the polar decompositions (ntet x 4) */
+    double *x, *v;    /* positions [m], velocities [m/s] (nblock x 3) */
+    double *rotation; /* of the body (nturn x 4) */
     int nfree;        /* nodes out of the sheath: the leading ones */
     double inserted;  /* base advance: tip past the entry, along the material [m] */
     double s_goal;    /* arc length of the goal node on the path [m] */

@@ -10,19 +10,24 @@ static void lay_out(cn_state *state, const cn_model *model)
 {
     double *next = (double *)(state->body + model->nbody);
     for (int b = 0; b < model->nbody; b++) {
-        const size_t n = 3 * (size_t)model->body[b].body->nnode;
+        const size_t n = 3 * (size_t)model->body[b].body->nblock;
         state->body[b].x = next, next += n;
         state->body[b].v = next, next += n;
-        state->body[b].rotation = next, next += 4 * (size_t)model->body[b].body->ntet;
+        state->body[b].rotation = next, next += 4 * (size_t)model->body[b].body->nturn;
     }
 }
 
-static int stations_out(const cn_model_body *body, double inserted)
+/* Nodes of the stations whose last node is past the entry. */
+static int nodes_out(const cn_model_body *body, double inserted)
 {
-    int n = 0;
-    while (n < body->nstation && inserted - body->behind[n * body->per_station] > 0)
-        n++;
-    return n;
+    const int nnode = body->body->nnode;
+    int out = 0;
+    while (out < nnode) {
+        const int next = out + body->per_station < nnode ? out + body->per_station : nnode;
+        if (!(inserted - body->behind[next - 1] > 0)) break;
+        out = next;
+    }
+    return out;
 }
 
 static void start_body(const cn_model_body *body, cn_body_state *state)
@@ -30,11 +35,11 @@ static void start_body(const cn_model_body *body, cn_body_state *state)
     const cn_body *b = body->body;
     const cn_body_spec *spec = body->spec;
     double centre[3] = {0, 0, 0}, mass = 0;
-    memcpy(state->x, b->rest, 3 * (size_t)b->nnode * sizeof *state->x);
+    memcpy(state->x, body->start ? body->start : b->rest, 3 * (size_t)b->nnode * sizeof *state->x);
     cn_body_rotation_start(b, state->rotation);
     state->nfree = b->nnode;
     if (body->catheter) state->inserted = spec->shape.catheter.inserted;
-    if (body->sheath) state->nfree = stations_out(body, state->inserted) * body->per_station;
+    if (body->sheath) state->nfree = nodes_out(body, state->inserted);
     for (int i = 0; i < b->nnode; i++)
         cn_axpy(b->mass[i], state->x + 3 * i, centre), mass += b->mass[i];
     for (int i = 0; i < state->nfree; i++) {
@@ -42,8 +47,10 @@ static void start_body(const cn_model_body *body, cn_body_state *state)
         for (int k = 0; k < 3; k++)
             from[k] = state->x[3 * i + k] - (mass > 0 ? centre[k] / mass : 0);
         cn_cross(spec->spin, from, turn);
-        for (int k = 0; k < 3 && !body->fixed[i]; k++)
+        if (body->fixed[i]) continue;
+        for (int k = 0; k < 3; k++)
             state->v[3 * i + k] = spec->velocity[k] + turn[k];
+        if (b->nblock > b->nnode) cn_copy3(spec->spin, state->v + 3 * (size_t)(b->nnode + i));
     }
 }
 
@@ -51,8 +58,8 @@ cn_status cn_state_new(cn_state **out, const cn_model *model)
 {
     size_t size = sizeof(cn_state) + (size_t)model->nbody * sizeof(cn_body_state);
     for (int b = 0; b < model->nbody; b++)
-        size +=
-            (6 * (size_t)model->body[b].body->nnode + 4 * (size_t)model->body[b].body->ntet) * sizeof(double);
+        size += (6 * (size_t)model->body[b].body->nblock + 4 * (size_t)model->body[b].body->nturn) *
+                sizeof(double);
     cn_state *state = calloc(1, size);
     *out = state;
     if (!state) return CN_ERR_MEMORY;
@@ -74,9 +81,9 @@ void cn_state_copy_body(cn_body_state *to, const cn_body_state *from, const cn_m
     cn_body_state kept = *to;
     *to = *from;
     to->x = kept.x, to->v = kept.v, to->rotation = kept.rotation;
-    memcpy(to->x, from->x, 3 * (size_t)body->body->nnode * sizeof *to->x);
-    memcpy(to->v, from->v, 3 * (size_t)body->body->nnode * sizeof *to->v);
-    memcpy(to->rotation, from->rotation, 4 * (size_t)body->body->ntet * sizeof *to->rotation);
+    memcpy(to->x, from->x, 3 * (size_t)body->body->nblock * sizeof *to->x);
+    memcpy(to->v, from->v, 3 * (size_t)body->body->nblock * sizeof *to->v);
+    memcpy(to->rotation, from->rotation, 4 * (size_t)body->body->nturn * sizeof *to->rotation);
 }
 
 void cn_state_copy(cn_state *to, const cn_state *from)
@@ -106,6 +113,6 @@ void cn_sheath_advance(const cn_model_body *body, cn_body_state *state, double a
 
 void cn_sheath_release(const cn_model_body *body, cn_body_state *state)
 {
-    const int out = stations_out(body, state->inserted) * body->per_station;
+    const int out = nodes_out(body, state->inserted);
     if (out > state->nfree) state->nfree = out;
 }

@@ -1,88 +1,84 @@
-/* step.c - one implicit Euler step of one body as the minimum of its incremental potential
+/* step.c - one step of one body: stages of the integrator, each a minimum (step_parts.h), h its own step:
  *
- *     E(x) = |x - x0 - dt v0|^2_M / (2 dt^2) + |x - x0|^2_C / (2 dt) + elastic + drive + contact - f_ext . (x
- * - x0)
- *
- * by Newton with the exact tangent (projected where that is not positive definite) and line search. With
- * strict contact each motion is cut by the continuous test before it is taken, so that every iterate is free.
+ *   euler      h = dt: ahead = dt v0, lag = 0.
+ *   midpoint   h = dt/2 to the middle: ahead = h v0, lag = 0; the end is as far again, v1 = 2 v_mid - v0.
+ *   trbdf2     g = 2 - sqrt 2, h = g dt/2 (Bank et al. 1985; Hosea and Shampine 1996). Trapezoid to g dt:
+ * ahead = 2 h v0, lag = h v0, the start's force in `constant`. Then BDF2 to dt, with a = 1 / (g (2 - g)), b =
+ * a - 1: lag = a u_g, ahead = lag + h (a v_g - b v0). Both have one matrix.
  */
-#include "sim.h"
+#include "step_parts.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include "catnav/vec3.h"
+#include "polar.h"
 
-struct cn_work {
-    const cn_model *model;
-    const cn_model_body *body;
-    cn_pool *pool;
-    cn_matrix *matrix, damping; /* damping shares the pattern; its values only with damping_stiffness */
-    cn_scatter *scatter;
-    cn_solver *solver;
-    cn_contact *contact;
-    cn_drive drive;
-    double *memory;
-    double *u; /* the unknown: x - x0, kept apart so that v = u / dt carries no round-off of x */
-    double *trial, *trial_u; /* line search */
-    double *gradient, *elastic, *external, *path, *touch, *dx, *axis;
-    double *moved, *damped;             /* of damping_stiffness */
-    double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
-    double collision_s;
-    double added;          /* inertia that last made the exact tangent positive definite, over M/dt^2 */
-    bool factored;         /* the solver holds a factor of an earlier iteration, made ... */
-    int factored_nfree;    /* ... with this many free nodes */
-    double factored_dt;    /* ... and this step */
-    double *factored_turn; /* ... at these element rotations (ntet x 4) */
-};
+static const double trbdf2_gamma = 0.58578643762690495; /* 2 - sqrt 2 */
 
-static double seconds(void)
+/* Vectors out of the one block of memory. */
+static void hand_out(cn_work *work, size_t blocks, size_t nodes, size_t points)
 {
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+    double *next = work->memory,
+           **const of_blocks[] = {&work->u,        &work->ahead,   &work->lag,      &work->constant,
+                                  &work->trial,    &work->trial_u, &work->gradient, &work->elastic,
+                                  &work->external, &work->path,    &work->touch,    &work->dx,
+                                  &work->moved,    &work->damped,  &work->axis};
+    double **const of_nodes[] = {&work->drive.force, &work->drive.centre, &work->drive.tangent,
+                                 &work->drive.towards};
+    double **const of_points[] = {&work->motion, &work->points, &work->points_trial, &work->points_force};
+    for (size_t i = 0; i < sizeof of_blocks / sizeof *of_blocks; i++, next += 3 * blocks)
+        *of_blocks[i] = next;
+    for (size_t i = 0; i < sizeof of_nodes / sizeof *of_nodes; i++, next += 3 * nodes)
+        *of_nodes[i] = next;
+    for (size_t i = 0; i < sizeof of_points / sizeof *of_points; i++, next += 3 * points)
+        *of_points[i] = next;
+    work->drive.weight = next, work->drive.lead = next + nodes, work->drive.pull = next + 2 * nodes;
+    work->drive.hold = next + 3 * nodes;
+    work->spin = next + 4 * nodes;
+    work->factored_turn = work->spin + (blocks > nodes ? 9 * nodes : 0);
+}
+
+/* Levels of a chain of stations, NULL: the solver looks for itself. */
+static cn_status levels_of(const cn_model_body *body, int **level)
+{
+    const cn_body *b = body->body;
+    *level = NULL;
+    if (!body->catheter && b->model != CN_BODY_ROD) return CN_OK;
+    if (!(*level = malloc((size_t)b->nblock * sizeof **level))) return CN_ERR_MEMORY;
+    for (int i = 0; i < b->nblock; i++)
+        (*level)[i] = i % b->nnode / body->per_station;
+    return CN_OK;
 }
 
 cn_status cn_work_new(cn_work **out, const cn_model *model, int ibody, cn_pool *pool, cn_error *error)
 {
     cn_work *work = calloc(1, sizeof *work);
     const cn_model_body *body = &model->body[ibody];
-    const size_t n = 3 * (size_t)body->body->nnode;
-    const cn_body *const bodies[1] = {body->body};
+    const cn_body *b = body->body;
+    const size_t blocks = (size_t)b->nblock, nodes = (size_t)b->nnode, points = (size_t)b->npoint;
+    const cn_body *const bodies[1] = {b};
     const int first[1] = {0};
     cn_status status = CN_ERR_MEMORY;
     int *level = NULL;
     *out = NULL;
     if (!work) return CN_ERR_MEMORY;
     work->model = model, work->body = body, work->pool = pool;
-    const size_t turn = 4 * (size_t)body->body->ntet;
-    if (!(work->memory = calloc(18 * n + turn, sizeof *work->memory))) goto fail;
-    double *next = work->memory,
-           **const vectors[] = {
-               &work->u,           &work->trial,        &work->trial_u,       &work->gradient,
-               &work->elastic,     &work->external,     &work->path,          &work->touch,
-               &work->dx,          &work->axis,         &work->moved,         &work->damped,
-               &work->drive.force, &work->drive.centre, &work->drive.tangent, &work->drive.towards};
-    for (size_t i = 0; i < sizeof vectors / sizeof *vectors; i++, next += n)
-        *vectors[i] = next;
-    work->drive.weight = next, work->drive.lead = next + n / 3, work->drive.pull = next + 2 * (n / 3);
-    work->drive.hold = next + n;
-    work->factored_turn = next + 2 * n;
+    if (!(work->held = calloc(blocks, 1))) goto fail;
+    if (!(work->memory =
+              calloc(45 * blocks + 25 * nodes + 12 * points + 4 * (size_t)b->nturn, sizeof(double))))
+        goto fail;
+    hand_out(work, blocks, nodes, points);
     if ((status = cn_matrix_new(&work->matrix, 1, bodies, first)) != CN_OK) goto fail;
     work->damping = *work->matrix;
     work->damping.value = NULL;
     status = CN_ERR_MEMORY;
-    if (body->body->damping_stiffness > 0 &&
+    if (b->damping_stiffness > 0 &&
         !(work->damping.value = calloc(9 * (size_t)work->matrix->nblock, sizeof(double))))
         goto fail;
-    if ((status = cn_body_bind(&work->scatter, body->body, work->matrix, 0)) != CN_OK) goto fail;
-    if (body->catheter) {
-        status = CN_ERR_MEMORY;
-        if (!(level = malloc((size_t)body->body->nnode * sizeof *level))) goto fail;
-        for (int i = 0; i < body->body->nnode; i++)
-            level[i] = i / body->per_station;
-    }
+    if ((status = cn_body_bind(&work->scatter, b, work->matrix, 0)) != CN_OK) goto fail;
+    if ((status = cn_carry_new(&work->carry, b)) != CN_OK) goto fail;
+    if ((status = levels_of(body, &level)) != CN_OK) goto fail;
     if ((status = cn_solver_new(&work->solver, work->matrix, model->scene->solver.linear, level, error)) !=
         CN_OK)
         goto fail;
@@ -100,10 +96,12 @@ void cn_work_free(cn_work *work)
 {
     if (!work) return;
     cn_contact_free(work->contact);
+    cn_carry_free(work->carry);
     cn_solver_free(work->solver);
     cn_scatter_free(work->scatter);
     free(work->damping.value);
     cn_matrix_free(work->matrix);
+    free(work->held);
     free(work->memory);
     free(work);
 }
@@ -112,330 +110,76 @@ cn_status cn_work_grow(cn_work *work)
 {
     return work->contact ? cn_contact_grow(work->contact) : CN_OK;
 }
+
 cn_linear cn_work_linear(const cn_work *work)
 {
     return cn_solver_kind(work->solver);
 }
 
-/* One step's fixed data, handed down instead of a dozen arguments. */
-typedef struct {
-    cn_work *work;
-    const cn_body_state *from; /* x0, v0 */
-    double dt;
-    int nfree, nactive;   /* nactive: one held station more than nfree */
-    double *x, *rotation; /* of the trial */
-    bool strict;
-} stepping;
-
-static double norm_free(const stepping *s, const double *f)
-{
-    double sum = 0;
-    for (int i = 0; i < s->nfree; i++)
-        if (!s->work->body->fixed[i]) sum += cn_norm2(f + 3 * i);
-    return sqrt(sum);
-}
-
 /* Gravity, loads that are on, and the drive's held part. */
-static void external_force(const stepping *s, double time)
+static void external_force(const cn_stage *s, double time)
 {
     cn_work *work = s->work;
-    const double late = 1e-6 * s->dt; /* a load's window counts whole steps */
+    const double late = 1e-6 * s->h; /* a load's window counts whole steps */
     const cn_model_body *body = work->body;
-    for (int i = 0; i < s->nfree; i++)
-        for (int k = 0; k < 3; k++)
-            work->external[3 * i + k] =
-                body->body->mass[i] * work->model->gravity[k] + work->drive.force[3 * i + k];
+    EACH_FREE(s, i)
+    for (int k = 0; k < 3; k++)
+        work->external[3 * i + k] = i < body->body->nnode ? body->body->mass[i] * work->model->gravity[k] +
+                                                                work->drive.force[3 * i + k]
+                                                          : 0;
     for (int l = 0; l < body->nload; l++)
-        if (time > body->load[l].from + late && time <= body->load[l].until + late)
-            for (int i = 0; i < 3 * s->nfree; i++)
-                work->external[i] += body->load[l].force[i];
+        if (time > body->load[l].from + late && time <= body->load[l].until + late) EACH_FREE(s, i)
+    cn_axpy(1, body->load[l].force + 3 * i, work->external + 3 * i);
 }
 
-/* The potential at x = x0 + u and its gradient; with `tangent` >= 0 also the matrix. */
-static double evaluate(const stepping *s, const double *x, const double *u, int tangent)
+/* A rod's inertia in world axes: R diag(inertia) R' of its frames at the step's start. */
+static void turn_inertia(const cn_stage *s)
 {
-    cn_work *work = s->work;
-    const cn_body *b = work->body->body;
-    const double dt = s->dt;
-    const bool assemble = tangent >= 0;
-    const size_t active = 3 * (size_t)s->nactive * sizeof(double);
-    cn_matrix *a = assemble ? work->matrix : NULL;
-    double inertia = 0, load = 0, inertia_norm = 0, contact = 0;
-
-    if (assemble) cn_matrix_clear(work->matrix, s->nactive);
-    memset(work->elastic, 0, active), memset(work->path, 0, active), memset(work->touch, 0, active);
-    const double elastic = cn_body_add_elastic(b, s->nactive, x, s->rotation, work->elastic,
-                                               assemble ? (cn_tangent)tangent : CN_TANGENT_WARPED, 1,
-                                               assemble ? work->scatter : NULL, work->pool);
-    const double path = cn_drive_add(&work->drive, s->nfree, x, work->path, 1, a);
-    if (s->strict) {
-        const double start = seconds();
-        contact = cn_contact_add(work->body->contact, work->contact, x, work->touch, a,
-                                 tangent == CN_TANGENT_EXACT, work->pool);
-        work->collision_s += seconds() - start;
-    }
-    for (int i = 0; i < s->nfree; i++) {
-        const double m = work->model->inertia ? b->mass[i] : 0;
-        const double over = m / (dt * dt), damp = b->damping * b->mass[i] / dt;
-        for (int k = 3 * i; k < 3 * i + 3; k++) {
-            const double ahead = u[k] - (work->body->fixed[i] ? 0 : dt * s->from->v[k]), moved = u[k];
-            const double pull = over * ahead + damp * moved;
-            inertia += 0.5 * (over * ahead * ahead + damp * moved * moved);
-            inertia_norm += pull * pull;
-            load += work->external[k] * moved;
-            work->gradient[k] = pull - work->elastic[k] - work->external[k] - work->path[k] - work->touch[k];
-            if (assemble)
-                work->matrix->value[9 * (size_t)work->matrix->diagonal[i] + 4 * (size_t)(k % 3)] +=
-                    over + damp;
-        }
-    }
-    if (work->damping.value) {
-        const double beta = b->damping_stiffness / dt;
-        for (int i = 0; i < 3 * s->nactive; i++)
-            work->moved[i] = i < 3 * s->nfree ? u[i] : 0;
-        cn_matrix_multiply(&work->damping, s->nfree, work->moved, work->damped, work->pool);
-        for (int i = 0; i < 3 * s->nfree; i++) {
-            work->gradient[i] += beta * work->damped[i];
-            inertia += 0.5 * beta * work->damped[i] * work->moved[i];
-        }
-        for (int i = 0; assemble && i < 9 * work->matrix->row[s->nfree]; i++)
-            work->matrix->value[i] += beta * work->damping.value[i];
-    }
-    const double internal = norm_free(s, work->elastic), external = norm_free(s, work->external);
-    work->residual_scale = fmax(sqrt(inertia_norm), fmax(internal, external));
-    work->energy_size = inertia + fabs(elastic) + fabs(path) + fabs(contact) + fabs(load);
-    for (int i = 0; i < s->nfree; i++)
-        if (work->body->fixed[i]) memset(work->gradient + 3 * i, 0, 3 * sizeof(double));
-    return inertia + elastic + path + contact - load;
-}
-
-/* Below this the gradient is round-off of the elastic forces: strain carries the round-off of positions, over
- * the elements' size. */
-static double gradient_floor(const stepping *s)
-{
-    const cn_model_body *body = s->work->body;
-    const double h = cbrt(body->body->rest_volume / body->body->ntet), nu = body->spec->material.poisson;
-    double far = 0;
-    for (int i = 0; i < s->nfree; i++)
-        far = fmax(far, fabs(s->x[3 * i]) + fabs(s->x[3 * i + 1]) + fabs(s->x[3 * i + 2]));
-    const double stiff = body->spec->material.young * (1 + fmax(nu, 0) / (1 - 2 * nu));
-    return 4e-15 * stiff * h * (far + body->size) * sqrt((double)s->nfree);
-}
-
-static double longest(const stepping *s, const double *dx)
-{
-    double most = 0;
-    for (int i = 0; i < s->nfree; i++) {
-        const double d = cn_norm2(dx + 3 * i);
-        if (!(d <= most)) most = d; /* keeps a NaN */
-    }
-    return sqrt(most);
-}
-
-/* Lists the pairs along the motion dx from x, and a little more for what the solver adds. */
-static cn_status find_contacts(const stepping *s, const double *x, const double *dx)
-{
-    const cn_contact_model *contact = s->work->body->contact;
-    return cn_contact_find(contact, s->work->contact, s->nfree, x, dx, 2 * contact->gap, 0, s->work->pool);
-}
-
-/* Largest fraction of dx that strict contact allows; pairs are listed anew when the motion leaves their
- * reach. */
-static cn_status allowed(const stepping *s, const double *x, double *dx, double *fraction)
-{
-    cn_work *work = s->work;
-    cn_contact *contact = work->contact;
-    cn_status status;
-    *fraction = 1;
-    if (!s->strict) return CN_OK;
-    const double start = seconds();
-    double far = 0, scale = 1;
-    if (!contact->anchored) cn_contact_anchor(work->body->contact, contact, x, work->pool);
-    for (int i = 0; i < s->nfree; i++) {
-        double to[3];
-        for (int k = 0; k < 3; k++)
-            to[k] = x[3 * i + k] + dx[3 * i + k] - contact->from[3 * i + k];
-        far = fmax(far, cn_norm2(to));
-    }
-    if (sqrt(far) > contact->reach) {
-        const double most = longest(s, dx),
-                     cap = fmax(20 * work->body->contact->gap, 2 * s->dt * longest(s, s->from->v));
-        if (most > cap) scale = cap / most;
-        for (int i = 0; i < 3 * s->nfree; i++)
-            work->trial[i] = scale * dx[i];
-        if ((status = find_contacts(s, x, work->trial)) != CN_OK) return status;
-    }
-    *fraction = scale * cn_contact_motion(work->body->contact, contact, x, scale < 1 ? work->trial : dx, 0.2,
-                                          work->pool);
-    work->collision_s += seconds() - start;
-    return CN_OK;
-}
-
-/* Frozen stiffness: an earlier factor serves while no element has turned by more than about 0.02 rad since
- * and nothing but the body's own elasticity and inertia is in the matrix. A chain is refactored faster than
- * it is iterated. */
-static bool factor_serves(const stepping *s)
-{
-    const cn_work *work = s->work;
-    const cn_switch refactor = work->model->scene->leave_out.refactor; /* ON: left out */
-    if (refactor == CN_OFF || !work->factored || work->factored_nfree != s->nfree ||
-        work->factored_dt != s->dt)
-        return false;
-    if (work->model->single ? refactor != CN_ON
-                            : refactor == CN_AUTO && cn_solver_kind(work->solver) != CN_LINEAR_CHOLESKY)
-        return false;
-    for (int i = 0; i < s->nfree; i++)
-        if (work->drive.weight[i] > 0) return false;
-    if (s->strict && cn_contact_least(work->contact) < work->body->contact->gap) return false;
-    for (int e = 0; e < work->body->body->ntet; e++) {
-        const double *p = work->factored_turn + 4 * e, *q = s->rotation + 4 * e;
-        if (!(fabs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]) > 1 - 5e-5)) return false;
-    }
-    return true;
-}
-
-static cn_status factor(const stepping *s)
-{
-    cn_work *work = s->work;
-    const cn_status status =
-        cn_solver_factor(work->solver, work->matrix, s->nfree, work->body->fixed, work->pool);
-    work->factored = status == CN_OK && cn_solver_kind(work->solver) != CN_LINEAR_CG;
-    work->factored_nfree = s->nfree, work->factored_dt = s->dt;
-    memcpy(work->factored_turn, s->rotation, 4 * (size_t)work->body->body->ntet * sizeof(double));
-    return status;
-}
-
-/* dx = - H^-1 g with the factor at hand, and its slope g . dx. */
-static cn_status solve(const stepping *s, double *slope, cn_step_figures *figures)
-{
-    cn_work *work = s->work;
-    const double tolerance = work->model->scene->solver.linear_tolerance;
-    int iterations = 0;
-    double residual = 0;
-    for (int i = 0; i < 3 * s->nfree; i++)
-        work->trial[i] = -work->gradient[i], work->dx[i] = 0;
-    cn_status status = cn_solver_solve(work->solver, work->trial, work->dx, tolerance, 1000, &iterations,
-                                       &residual, work->pool);
-    if (iterations > figures->linear) figures->linear = iterations;
-    if (status == CN_ERR_CONVERGENCE) {
-        CN_LOG(CN_LOG_WARNING, "linear solver not converged: relative residual %.2e after %d iterations",
-               residual, iterations);
-        figures->unconverged++;
-        figures->linear_residual = fmax(figures->linear_residual, residual);
-        status = CN_OK;
-    }
-    *slope = 0;
-    for (int i = 0; i < 3 * s->nfree; i++)
-        *slope += work->gradient[i] * work->dx[i];
-    return status == CN_OK && !isfinite(*slope) ? CN_ERR_NOT_FINITE : status;
-}
-
-/* Adds share * M/dt^2 to the matrix. */
-static void stiffen(const stepping *s, double share)
-{
-    cn_matrix *a = s->work->matrix;
-    for (int i = 0; i < s->nfree; i++)
-        for (int k = 0; k < 3; k++)
-            a->value[9 * (size_t)a->diagonal[i] + 4 * (size_t)k] +=
-                share * s->work->body->body->mass[i] / (s->dt * s->dt);
-}
-
-/* A direction of descent: by an earlier factor (keep), the exact tangent, the exact tangent with ever more
- * inertia where it is not positive definite (a body about to snap), at last the projected one. */
-static cn_status newton_direction(const stepping *s, bool keep, double *slope, cn_step_figures *figures)
-{
-    cn_work *work = s->work;
-    cn_status status;
-    if (keep) {
-        figures->kept++;
-        if ((status = solve(s, slope, figures)) != CN_OK || *slope < 0) return status;
-        evaluate(s, s->x, work->u, CN_TANGENT_EXACT);
-    }
-    double added = 0;
-    for (int attempt = 0; attempt < 6; attempt++) {
-        if ((status = factor(s)) == CN_OK && (status = solve(s, slope, figures)) == CN_OK && *slope < 0) {
-            work->added = added / 10;
-            return CN_OK;
-        }
-        if (status != CN_OK && status != CN_ERR_SINGULAR) return status;
-        const double more = fmax(10 * added, fmax(10, work->added));
-        stiffen(s, more - added);
-        added = more;
-    }
-    evaluate(s, s->x, work->u, CN_TANGENT_PROJECTED);
-    status = factor(s);
-    return status == CN_OK ? solve(s, slope, figures) : status;
-}
-
-static cn_status minimise(const stepping *s, cn_step_figures *figures)
-{
-    cn_work *work = s->work;
-    const cn_model *model = work->model;
-    const double tolerance = model->scene->solver.tolerance;
-    const int tangent = model->single ? CN_TANGENT_WARPED : CN_TANGENT_EXACT;
-    bool keep = factor_serves(s);
-    double energy = evaluate(s, s->x, work->u, keep ? -1 : tangent), slope = 0, fraction, before = INFINITY;
-    cn_status status;
-
-    for (figures->newton = 0;;) {
-        if (!isfinite(energy)) return CN_ERR_NOT_FINITE;
-        const double residual = norm_free(s, work->gradient);
-        const double floor = gradient_floor(s);
-        if (residual <= (figures->newton ? fmax(tolerance * work->residual_scale, floor) : floor))
-            return CN_OK;
-        if (figures->newton == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
-        if (keep && figures->newton && residual > 0.2 * before) { /* too stale to gain by */
-            keep = false;
-            energy = evaluate(s, s->x, work->u, tangent);
-        }
-        before = residual;
-        if ((status = newton_direction(s, keep, &slope, figures)) != CN_OK) return status;
-        figures->newton++;
-        const int then = keep || figures->newton == model->newton ? -1 : tangent;
-        if ((status = allowed(s, s->x, work->dx, &fraction)) != CN_OK) return status;
-
-        /* Where the promised decrease is lost in the energy's round-off the gradient decides. */
-        const bool lost = -slope <= 1e-11 * work->energy_size;
-        for (int half = 0;; half++, fraction *= 0.5) {
-            if (half == 40) return lost ? CN_OK : CN_ERR_CONVERGENCE;
-            for (int i = 0; i < 3 * s->nfree; i++) {
-                work->trial_u[i] = work->u[i] + fraction * work->dx[i];
-                work->trial[i] = s->from->x[i] + work->trial_u[i];
+    const cn_body *b = s->work->body->body;
+    for (int i = 0; b->nblock > b->nnode && i < s->nfree; i++) {
+        double *j = s->work->spin + 9 * (size_t)i, r[9];
+        cn_quaternion_matrix(s->rotation + 4 * (size_t)i, r);
+        for (int p = 0; p < 3; p++)
+            for (int q = 0; q < 3; q++) {
+                j[3 * p + q] = 0;
+                for (int k = 0; k < 3; k++)
+                    j[3 * p + q] += r[3 * p + k] * b->inertia[3 * i + k] * r[3 * q + k];
             }
-            memcpy(work->trial + 3 * s->nfree, s->x + 3 * s->nfree,
-                   3 * (size_t)(s->nactive - s->nfree) * sizeof(double));
-            const double next = evaluate(s, work->trial, work->trial_u, half ? -1 : then);
-            const bool better =
-                lost ? norm_free(s, work->gradient) < residual : next <= energy + 1e-4 * fraction * slope;
-            if (model->single || better) {
-                energy = half && then >= 0 ? evaluate(s, work->trial, work->trial_u, then) : next;
-                break;
-            }
-            if (lost && half == 3) { /* converged as far as round-off lets it */
-                evaluate(s, s->x, work->u, -1);
-                return CN_OK;
-            }
-        }
-        memcpy(s->x, work->trial, 3 * (size_t)s->nfree * sizeof(double));
-        memcpy(work->u, work->trial_u, 3 * (size_t)s->nfree * sizeof(double));
     }
 }
 
-static void setup(stepping *s, const cn_model *model, int ibody, const cn_body_state *from, cn_body_state *to,
-                  const cn_path *path, double time, double dt, cn_work *work)
+/* What both the step and its recomputed residual begin with. nfree: of the state at the step's start. */
+static void set_up(cn_stage *s, const cn_model *model, int ibody, const cn_body_state *from, int nfree,
+                   double *x, double *rotation, const cn_path *path, double dt, cn_work *work)
 {
     const cn_model_body *body = &model->body[ibody];
-    *s = (stepping){.work = work, .from = from, .dt = dt, .x = to->x, .rotation = to->rotation};
-    s->nfree = to->nfree;
-    s->nactive = s->nfree < body->body->nnode ? s->nfree + body->per_station : s->nfree;
-    if (s->nactive > body->body->nnode) s->nactive = body->body->nnode;
+    const cn_body *b = body->body;
+    const bool rod = b->nblock > b->nnode;
+    *s = (cn_stage){.work = work, .from = from, .h = dt, .nfree = nfree, .x = x, .rotation = rotation};
+    s->nactive = nfree + body->per_station < b->nnode ? nfree + body->per_station : b->nnode;
+    s->again = rod ? b->nnode : nfree;
+    s->last = nfree == 0 ? 0 : rod ? b->nnode + nfree : nfree;
+    s->rows = rod ? b->nblock : nfree;
     s->strict = body->contact && model->scene->contact.method == CN_CONTACT_STRICT;
+    for (int i = 0; i < b->nblock; i++)
+        work->held[i] = body->fixed[i] || i % b->nnode >= nfree;
     cn_drive_prepare(body, from, path, dt, &work->drive);
-    external_force(s, time);
+    turn_inertia(s);
+    memset(work->lag, 0, 3 * (size_t)b->nblock * sizeof(double));
+    memset(work->ahead, 0, 3 * (size_t)b->nblock * sizeof(double));
+    memset(work->constant, 0, 3 * (size_t)b->nblock * sizeof(double));
+}
+
+/* ahead = a v + b w of what is not fixed. */
+static void set_ahead(const cn_stage *s, double a, const double *v, double b, const double *w)
+{
+    EACH_FREE(s, i)
+    for (int k = 3 * i; k < 3 * i + 3; k++)
+        s->work->ahead[k] = s->work->body->fixed[i] ? 0 : a * v[k] + (w ? b * w[k] : 0);
 }
 
 /* Sum of nodal drive forces and the base's push; their work over the step. */
-static void drive_figures(const stepping *s, cn_step_figures *figures)
+static void drive_figures(const cn_stage *s, cn_step_figures *figures)
 {
     const cn_work *work = s->work;
     double push = 0;
@@ -453,85 +197,216 @@ static void drive_figures(const stepping *s, cn_step_figures *figures)
     figures->work += push * work->drive.advance;
 }
 
+/* The force at the start of the step, without inertia, into work->constant. */
+static cn_status force_at_start(const cn_stage *s)
+{
+    cn_work *work = s->work;
+    const cn_body *b = work->body->body;
+    const size_t all = 3 * (size_t)b->nblock * sizeof(double);
+    memset(work->elastic, 0, all), memset(work->touch, 0, all);
+    cn_body_add_elastic(b, s->nactive, s->x, s->rotation, work->elastic, CN_TANGENT_WARPED, 1, NULL,
+                        work->pool);
+    if (s->strict) {
+        const cn_status status = cn_stage_start(s, NULL);
+        if (status != CN_OK) return status;
+        cn_stage_touch(s, s->x);
+    }
+    if (work->damping.value)
+        cn_matrix_multiply(&work->damping, s->rows, s->from->v, work->damped, work->pool);
+    EACH_FREE(s, i)
+    {
+        double pull[3];
+        cn_stage_mass(s, i, s->from->v + 3 * i, pull);
+        for (int k = 0; k < 3; k++)
+            work->constant[3 * i + k] = work->elastic[3 * i + k] + work->touch[3 * i + k] +
+                                        work->external[3 * i + k] - b->damping * pull[k];
+        if (work->damping.value) cn_axpy(-b->damping_stiffness, work->damped + 3 * i, work->constant + 3 * i);
+    }
+    return CN_OK;
+}
+
+static cn_status step_euler(cn_stage *s, double time, cn_step_figures *figures)
+{
+    cn_work *work = s->work;
+    cn_status status;
+    external_force(s, time + s->h);
+    set_ahead(s, s->h, s->from->v, 0, NULL);
+    /* begin where the velocity leads */
+    if ((status = cn_stage_start(s, work->model->single ? NULL : work->ahead)) != CN_OK) return status;
+    return cn_stage_minimise(s, figures);
+}
+
+static cn_status step_midpoint(cn_stage *s, double time, cn_step_figures *figures)
+{
+    cn_work *work = s->work;
+    cn_status status;
+    s->h *= 0.5;
+    external_force(s, time + s->h);
+    set_ahead(s, s->h, s->from->v, 0, NULL);
+    if ((status = cn_stage_start(s, work->ahead)) != CN_OK) return status;
+    if ((status = cn_stage_minimise(s, figures)) != CN_OK) return status;
+    s->h *= 2;
+    EACH_FREE(s, i)
+    for (int k = 3 * i; k < 3 * i + 3; k++) {
+        work->u[k] *= 2;
+        s->x[k] = s->from->x[k] + work->u[k];
+        work->lag[k] = work->body->fixed[i] ? 0 : s->h * s->from->v[k] - work->u[k]; /* v1 = 2 u / dt - v0 */
+    }
+    return CN_OK;
+}
+
+static cn_status step_trbdf2(cn_stage *s, double time, cn_step_figures *figures)
+{
+    cn_work *work = s->work;
+    const double g = trbdf2_gamma, a = 1 / (g * (2 - g)), dt = s->h, *v0 = s->from->v;
+    cn_status status;
+    s->h = 0.5 * g * dt;
+    external_force(s, time + 1e-5 * dt); /* loads that begin now are on */
+    if ((status = force_at_start(s)) != CN_OK) return status;
+    external_force(s, time + g * dt);
+    set_ahead(s, 2 * s->h, v0, 0, NULL);
+    EACH_FREE(s, i)
+    for (int k = 3 * i; k < 3 * i + 3; k++)
+        work->lag[k] = 0.5 * work->ahead[k];
+    if ((status = cn_stage_start(s, work->ahead)) != CN_OK) return status;
+    if ((status = cn_stage_minimise(s, figures)) != CN_OK) return status;
+
+    memset(work->constant, 0, 3 * (size_t)work->body->body->nblock * sizeof(double));
+    external_force(s, time + dt);
+    EACH_FREE(s, i)
+    for (int k = 3 * i; k < 3 * i + 3; k++) {
+        const double vg = (work->u[k] - work->lag[k]) / s->h;
+        work->lag[k] = a * work->u[k];
+        work->ahead[k] = work->body->fixed[i] ? 0 : work->lag[k] + s->h * (a * vg - (a - 1) * v0[k]);
+        work->dx[k] = (1 - g) * dt * vg;
+    }
+    if ((status = cn_stage_start(s, work->dx)) != CN_OK) return status;
+    return cn_stage_minimise(s, figures);
+}
+
+/* What the contact's response makes of the new state, and the check that shares nothing with it. */
+static cn_status meet_walls(const cn_stage *s, cn_body_state *to, double dt, cn_step_figures *figures)
+{
+    cn_work *work = s->work;
+    const cn_model_body *body = work->body;
+    const cn_body *b = body->body;
+    const cn_scene *scene = work->model->scene;
+    int naxis, wall;
+    if (s->strict) {
+        const double *points = cn_body_points(b, s->nactive, to->x, to->rotation, work->points);
+        figures->gap = cn_contact_least(work->contact);
+        figures->wall_force =
+            cn_contact_patch_force(body->contact, work->contact, points, figures->wall_where, &wall);
+    } else if (scene->contact.method == CN_CONTACT_PROJECT && !work->carry) {
+        double impulse[3] = {0, 0, 0};
+        memcpy(work->trial, to->v, 3 * (size_t)s->nfree * sizeof(double));
+        cn_contact_project(body->contact, work->contact, s->nfree, to->x, to->v, scene->contact.response,
+                           scene->contact.restitution, 20);
+        for (int i = 0; i < 3 * s->nfree; i++)
+            impulse[i % 3] += b->mass[i / 3] * (to->v[i] - work->trial[i]);
+        figures->wall_force = cn_norm(impulse) / dt;
+    }
+    cn_axis_points(body, to, &naxis, work->axis);
+    const double *points = cn_body_points(b, to->nfree, to->x, to->rotation, work->points);
+    const cn_status status = cn_contact_check(body->contact, work->contact, cn_body_points_of(b, to->nfree),
+                                              points, naxis, work->axis, &figures->findings, work->pool);
+    if (figures->findings.outside) figures->gap = fmin(figures->gap, -figures->findings.depth);
+    /* never accepted, whatever the response made of it */
+    return s->strict && status == CN_OK && figures->findings.intersections + figures->findings.outside > 0
+               ? CN_ERR_NOT_FREE
+               : status;
+}
+
 cn_status cn_step(const cn_model *model, int ibody, const cn_state *state, cn_state *trial,
                   const cn_path *path, double dt, cn_work *work, cn_step_figures *figures)
 {
     const cn_model_body *body = &model->body[ibody];
+    const cn_body *b = body->body;
     const cn_body_state *from = &state->body[ibody];
     cn_body_state *to = &trial->body[ibody];
-    const double start = seconds(), tick = state->time + dt;
+    const double start = cn_step_seconds();
     cn_status status;
-    stepping s;
+    cn_stage s;
 
     *figures = (cn_step_figures){.gap = INFINITY};
     cn_state_copy_body(to, from, body);
-    setup(&s, model, ibody, from, to, path, tick, dt, work);
+    set_up(&s, model, ibody, from, from->nfree, to->x, to->rotation, path, dt, work);
     work->collision_s = 0, work->added = 0;
     cn_sheath_advance(body, to, work->drive.advance, dt);
-
-    /* begin where the velocity leads, as far as contact lets it */
-    memset(work->u, 0, 3 * (size_t)s.nfree * sizeof(double));
-    if (!model->single) {
-        double fraction = 1;
-        for (int i = 0; i < 3 * s.nfree; i++)
-            work->dx[i] = body->fixed[i / 3] ? 0 : dt * from->v[i];
-        if (s.strict) {
-            const double begin = seconds();
-            if ((status = find_contacts(&s, from->x, work->dx)) != CN_OK) return status;
-            fraction = cn_contact_motion(body->contact, work->contact, from->x, work->dx, 0.2, work->pool);
-            work->collision_s += seconds() - begin;
-        }
-        for (int i = 0; i < 3 * s.nfree; i++) {
-            work->u[i] = fraction * work->dx[i];
-            to->x[i] = from->x[i] + work->u[i];
-        }
-    } else if (s.strict && (status = find_contacts(&s, from->x, NULL)) != CN_OK) {
-        return status;
-    }
+    memset(work->u, 0, 3 * (size_t)b->nblock * sizeof(double));
     if (work->damping.value) {
-        cn_matrix_clear(work->matrix, s.nactive);
-        cn_body_add_elastic(body->body, s.nactive, from->x, to->rotation, work->elastic, CN_TANGENT_PROJECTED,
-                            1, work->scatter, work->pool);
+        cn_matrix_clear(work->matrix, s.rows < b->nblock ? s.nactive : b->nblock);
+        cn_body_add_elastic(b, s.nactive, from->x, to->rotation, work->elastic, CN_TANGENT_PROJECTED, 1,
+                            work->scatter, work->pool);
         memcpy(work->damping.value, work->matrix->value, 9 * (size_t)work->matrix->nblock * sizeof(double));
     }
-    status = minimise(&s, figures);
+    status = model->integrator == CN_INTEGRATOR_MIDPOINT ? step_midpoint(&s, state->time, figures)
+             : model->integrator == CN_INTEGRATOR_TRBDF2 ? step_trbdf2(&s, state->time, figures)
+                                                         : step_euler(&s, state->time, figures);
     if (status != CN_OK) return status;
 
     drive_figures(&s, figures);
-    for (int i = 0; i < 3 * s.nfree; i++)
-        to->v[i] = work->u[i] / dt;
-    const double contact_start = seconds();
-    if (s.strict) {
-        int wall;
-        figures->gap = cn_contact_least(work->contact);
-        figures->wall_force =
-            cn_contact_patch_force(body->contact, work->contact, to->x, figures->wall_where, &wall);
-    } else if (body->contact && model->scene->contact.method == CN_CONTACT_PROJECT) {
-        memcpy(work->trial, to->v, 3 * (size_t)s.nfree * sizeof(double));
-        cn_contact_project(body->contact, work->contact, s.nfree, to->x, to->v,
-                           model->scene->contact.response, model->scene->contact.restitution, 20);
-        double impulse[3] = {0, 0, 0};
-        for (int i = 0; i < 3 * s.nfree; i++)
-            impulse[i % 3] += body->body->mass[i / 3] * (to->v[i] - work->trial[i]);
-        figures->wall_force = cn_norm(impulse) / dt;
-    }
+    EACH_FREE(&s, i)
+    for (int k = 3 * i; k < 3 * i + 3; k++)
+        to->v[k] = (work->u[k] - work->lag[k]) / s.h;
+    cn_body_turn(b, s.nactive, to->x, to->rotation);
     cn_sheath_release(body, to);
     cn_drive_progress(body, to, path);
-    if (body->contact) {
-        int naxis;
-        cn_axis_points(body, to, &naxis, work->axis);
-        status = cn_contact_check(body->contact, work->contact, to->nfree, to->x, naxis, work->axis,
-                                  &figures->findings, work->pool);
-        if (figures->findings.outside) figures->gap = fmin(figures->gap, -figures->findings.depth);
-    }
-    if (s.strict && status == CN_OK && figures->findings.intersections + figures->findings.outside > 0)
-        status = CN_ERR_NOT_FREE; /* never accepted, whatever the response made of it */
-    work->collision_s += seconds() - contact_start;
+    const double contact_start = cn_step_seconds();
+    if (body->contact) status = meet_walls(&s, to, dt, figures);
+    work->collision_s += cn_step_seconds() - contact_start;
     figures->collision_s = work->collision_s;
-    figures->fem_s = seconds() - start - work->collision_s;
-    for (int i = 0; i < 3 * body->body->nnode; i++)
+    figures->fem_s = cn_step_seconds() - start - work->collision_s;
+    for (int i = 0; i < 3 * b->nblock; i++)
         if (!isfinite(to->x[i]) || !isfinite(to->v[i])) return CN_ERR_NOT_FINITE;
     return status;
+}
+
+/* Rotation vector from frame p to q. */
+static void turned(const double p[4], const double q[4], double theta[3])
+{
+    double d[3], w = 0;
+    for (int k = 0; k < 4; k++)
+        w += p[k] * q[k];
+    const double *a = p + 1, *b = q + 1;
+    cn_cross(a, b, d);
+    for (int k = 0; k < 3; k++)
+        theta[k] = p[0] * b[k] - q[0] * a[k] + d[k];
+    const double sine = cn_norm(theta), angle = 2 * atan2(w < 0 ? -sine : sine, fabs(w));
+    for (int k = 0; k < 3; k++)
+        theta[k] *= sine > 0 ? angle / sine : 2;
+}
+
+/* Positions x (work->trial), velocities (trial_u) and accelerations (dx) of the step's last stage from its
+ * two ends, and its time. A rod's x is in the chart of the start: rotation vectors since then. */
+static double last_stage(const cn_stage *s, const cn_body_state *to, double time, double dt)
+{
+    cn_work *work = s->work;
+    const int nnode = work->body->body->nnode;
+    const cn_integrator integrator = work->model->integrator;
+    const bool moved = work->model->scene->contact.method == CN_CONTACT_PROJECT; /* nodes, after the solve */
+    const double g = trbdf2_gamma, a = 1 / (g * (2 - g)), h = 0.5 * g * dt;
+    memset(work->trial_u, 0, 3 * (size_t)work->body->body->nblock * sizeof(double));
+    memcpy(work->trial, to->x, 3 * (size_t)work->body->body->nblock * sizeof(double));
+    EACH_FREE(s, i)
+    {
+        const double *v0 = s->from->v + 3 * i, *x0 = s->from->x + 3 * i, *v1 = to->v + 3 * i;
+        double *x = work->trial + 3 * i, *v = work->trial_u + 3 * i, *acceleration = work->dx + 3 * i;
+        if (i >= nnode && integrator == CN_INTEGRATOR_TRBDF2)
+            turned(s->from->rotation + 4 * (i - nnode), to->rotation + 4 * (i - nnode), x);
+        for (int k = 0; k < 3; k++)
+            if (integrator == CN_INTEGRATOR_TRBDF2) {
+                const double vg = (x[k] - x0[k] - h * v1[k]) / (a * h) - v0[k];
+                v[k] = v1[k], acceleration[k] = (v1[k] - a * vg + (a - 1) * v0[k]) / h;
+            } else if (integrator == CN_INTEGRATOR_MIDPOINT) {
+                v[k] = 0.5 * (v0[k] + v1[k]), acceleration[k] = (v1[k] - v0[k]) / dt;
+                x[k] = x0[k] + 0.5 * dt * v[k];
+            } else {
+                v[k] = moved ? (x[k] - x0[k]) / dt : v1[k], acceleration[k] = (v[k] - v0[k]) / dt;
+                if (i >= nnode) x[k] = dt * v[k];
+            }
+    }
+    return integrator == CN_INTEGRATOR_MIDPOINT ? time + 0.5 * dt : time + dt;
 }
 
 double cn_step_residual(const cn_model *model, int ibody, const cn_state *state, const cn_state *trial,
@@ -540,38 +415,41 @@ double cn_step_residual(const cn_model *model, int ibody, const cn_state *state,
     const cn_model_body *body = &model->body[ibody];
     const cn_body_state *from = &state->body[ibody], *to = &trial->body[ibody];
     const cn_body *b = body->body;
+    const size_t all = 3 * (size_t)b->nblock * sizeof(double);
     double sums[4] = {0, 0, 0, 0}; /* squares: residual, inertial, internal, external */
-    cn_body_state before = *to;
-    stepping s;
+    cn_stage s;
 
-    before.nfree = from->nfree;
-    setup(&s, model, ibody, from, &before, path, state->time + dt, dt, work);
-    const size_t active = 3 * (size_t)s.nactive * sizeof(double);
-    memset(work->elastic, 0, active), memset(work->path, 0, active), memset(work->touch, 0, active);
-    cn_body_add_elastic(b, s.nactive, to->x, to->rotation, work->elastic, CN_TANGENT_WARPED, 1, NULL,
+    set_up(&s, model, ibody, from, from->nfree, to->x, b->nblock > b->nnode ? from->rotation : to->rotation,
+           path, dt, work);
+    external_force(&s, last_stage(&s, to, state->time, dt));
+    memset(work->elastic, 0, all), memset(work->path, 0, all), memset(work->touch, 0, all);
+    memset(work->damped, 0, all);
+    cn_body_add_elastic(b, s.nactive, work->trial, s.rotation, work->elastic, CN_TANGENT_WARPED, 1, NULL,
                         work->pool);
-    cn_drive_add(&work->drive, s.nfree, to->x, work->path, 1, NULL);
-    if (s.strict &&
-        cn_contact_find(body->contact, work->contact, s.nfree, to->x, NULL, 0, 0, work->pool) == CN_OK)
-        cn_contact_add(body->contact, work->contact, to->x, work->touch, NULL, false, work->pool);
-    /* projection moves nodes after the solve: what the step made of them is what counts */
-    const bool moved = model->scene->contact.method == CN_CONTACT_PROJECT;
-    memset(work->damped, 0, active);
-    if (work->damping.value) { /* of the tangent at the step's start, as in the step */
-        for (int i = 0; i < 3 * s.nactive; i++)
-            work->moved[i] = i < 3 * s.nfree ? (to->x[i] - from->x[i]) * b->damping_stiffness / dt : 0;
-        cn_matrix_multiply(&work->damping, s.nfree, work->moved, work->damped, work->pool);
+    cn_drive_add(&work->drive, s.nfree, work->trial, work->path, 1, NULL);
+    if (s.strict) {
+        s.x = work->trial;
+        if (cn_stage_start(&s, NULL) == CN_OK) cn_stage_touch(&s, s.x);
+        s.x = to->x;
     }
-    for (int i = 0; i < 3 * s.nfree; i++) {
-        if (body->fixed[i / 3]) continue;
-        const double m = b->mass[i / 3], v1 = moved ? (to->x[i] - from->x[i]) / dt : to->v[i];
-        const double inertial = (model->inertia ? m * (v1 - from->v[i]) / dt : 0) + b->damping * m * v1;
-        const double left = inertial + work->damped[i] - work->elastic[i] - work->external[i] -
-                            work->path[i] - work->touch[i];
-        sums[0] += left * left, sums[1] += inertial * inertial;
-        sums[2] += work->elastic[i] * work->elastic[i], sums[3] += work->external[i] * work->external[i];
+    if (work->damping.value) /* of the tangent at the step's start, as in the step */
+        cn_matrix_multiply(&work->damping, s.rows, work->trial_u, work->damped, work->pool);
+    EACH_FREE(&s, i)
+    {
+        const double over = i < b->nnode ? 1 : 1 / (b->lever * b->lever);
+        double inertial[3], pull[3], left[3];
+        if (body->fixed[i]) continue;
+        cn_stage_mass(&s, i, work->dx + 3 * i, inertial), cn_stage_mass(&s, i, work->trial_u + 3 * i, pull);
+        for (int k = 0; k < 3; k++) {
+            inertial[k] = (model->inertia ? inertial[k] : 0) + b->damping * pull[k];
+            left[k] = inertial[k] + b->damping_stiffness * work->damped[3 * i + k] -
+                      work->elastic[3 * i + k] - work->external[3 * i + k] - work->path[3 * i + k] -
+                      work->touch[3 * i + k];
+        }
+        sums[0] += over * cn_norm2(left), sums[1] += over * cn_norm2(inertial);
+        sums[2] += over * cn_norm2(work->elastic + 3 * i), sums[3] += over * cn_norm2(work->external + 3 * i);
     }
-    const double scale = sqrt(fmax(sums[1], fmax(sums[2], sums[3]))), floor = gradient_floor(&s);
+    const double scale = sqrt(fmax(sums[1], fmax(sums[2], sums[3]))), floor = cn_stage_floor(&s);
     const double rest = sqrt(sums[0]);
     return rest > floor ? rest / fmax(scale, floor) : 0;
 }
@@ -585,6 +463,7 @@ cn_status cn_work_check(const cn_model *model, int ibody, const cn_state *state,
     *findings = (cn_findings){.body_triangle = -1, .wall = -1, .wall_triangle = -1};
     if (!body->contact) return CN_OK;
     cn_axis_points(body, at, &naxis, work->axis);
-    return cn_contact_check(body->contact, work->contact, at->nfree, at->x, naxis, work->axis, findings,
-                            work->pool);
+    return cn_contact_check(body->contact, work->contact, cn_body_points_of(body->body, at->nfree),
+                            cn_body_points(body->body, at->nfree, at->x, at->rotation, work->points), naxis,
+                            work->axis, findings, work->pool);
 }

@@ -63,13 +63,13 @@ static void force_is_minus_the_energy_gradient(void **state)
     shift(&p, 0.03, 0.02, 0.025); /* near three walls at once */
     assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, NULL, 10 * h, 0, NULL), CN_OK);
     assert_true(p.contact->npair > 0);
-    assert_true(cn_contact_add(p.model, p.contact, p.x, f, NULL, false, NULL) > 0);
+    assert_true(cn_contact_add(p.model, p.contact, p.x, f, NULL, NULL, false, NULL) > 0);
     for (int i = 0; i < 3 * mesh->nnode; i++) {
         const double xi = p.x[i];
         p.x[i] = xi + h;
-        const double up = cn_contact_add(p.model, p.contact, p.x, NULL, NULL, false, NULL);
+        const double up = cn_contact_add(p.model, p.contact, p.x, NULL, NULL, NULL, false, NULL);
         p.x[i] = xi - h;
-        const double down = cn_contact_add(p.model, p.contact, p.x, NULL, NULL, false, NULL);
+        const double down = cn_contact_add(p.model, p.contact, p.x, NULL, NULL, NULL, false, NULL);
         p.x[i] = xi;
         assert_true(fabs(f[i] + (up - down) / (2 * h)) < 1e-5 * (1 + fabs(f[i])));
     }
@@ -103,7 +103,7 @@ static void stiffness_is_minus_the_force_gradient(void **state)
     assert_int_equal(cn_matrix_new(&a, 1, bodies, first), CN_OK);
     assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, NULL, 10 * h, 0, NULL), CN_OK);
     cn_matrix_clear(a, mesh->nnode);
-    cn_contact_add(p.model, p.contact, p.x, NULL, a, true, NULL);
+    cn_contact_add(p.model, p.contact, p.x, NULL, NULL, a, true, NULL);
     double largest = 0;
     for (int i = 0; i < 9 * a->nblock; i++)
         largest = fmax(largest, fabs(a->value[i]));
@@ -112,9 +112,9 @@ static void stiffness_is_minus_the_force_gradient(void **state)
         const double xj = p.x[j];
         memset(up, 0, sizeof up), memset(down, 0, sizeof down);
         p.x[j] = xj + h;
-        cn_contact_add(p.model, p.contact, p.x, up, NULL, false, NULL);
+        cn_contact_add(p.model, p.contact, p.x, up, NULL, NULL, false, NULL);
         p.x[j] = xj - h;
-        cn_contact_add(p.model, p.contact, p.x, down, NULL, false, NULL);
+        cn_contact_add(p.model, p.contact, p.x, down, NULL, NULL, false, NULL);
         p.x[j] = xj;
         for (int i = 0; i < 3 * mesh->nnode; i++) {
             const int block = cn_matrix_find(a, i / 3, j / 3);
@@ -136,7 +136,7 @@ static void pushing_against_a_wall_is_answered_away_from_it(void **state)
     set_up(&p, mesh, 0.5, 0.01);
     shift(&p, 0, 0, 0.395);
     assert_int_equal(cn_contact_find(p.model, p.contact, mesh->nnode, p.x, NULL, 0, 0, NULL), CN_OK);
-    cn_contact_add(p.model, p.contact, p.x, f, NULL, false, NULL);
+    cn_contact_add(p.model, p.contact, p.x, f, NULL, NULL, false, NULL);
     for (int i = 0; i < mesh->nnode; i++)
         cn_add(sum, f + 3 * i, sum);
     assert_true(sum[2] < 0 && fabs(sum[0]) < 1e-9 * -sum[2] && fabs(sum[1]) < 1e-9 * -sum[2]);
