@@ -157,6 +157,9 @@ void cn_body_pull(const cn_body *body, int nactive, const double *x, const doubl
                   const cn_carry *carry, const double *force, double *f, double scale, struct cn_matrix *a);
 /* Takes x's rotation vectors into the frames, and sets them to zero: the end of a step. */
 void cn_body_turn(const cn_body *body, int nactive, double *x, double *rotation);
+/* Adds to each point its share of a uniform traction [m^2 at 1 Pa] on the outer faces whose points are all
+ * inside (npoint): consistent loads. */
+void cn_body_face_shares(const cn_body *body, const unsigned char *inside, double *share);
 /* Centre of an element; NAN for a negative index. */
 void cn_body_element_centre(const cn_body *body, const double *x, int element, double centre[3]);
 

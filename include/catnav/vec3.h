@@ -3,6 +3,7 @@
 #define CN_VEC3_H
 
 #include <math.h>
+#include <stdbool.h>
 
 static inline double cn_dot(const double a[3], const double b[3])
 {
@@ -85,5 +86,13 @@ static inline void cn_any_normal(const double t[3], double n[3])
     e[k] = 1;
     cn_cross(t, e, n);
     cn_normalise(n);
+}
+/* Boxes of a scene are closed, with a tolerance of 1e-9 of their size. */
+static inline bool cn_in_box(const double box[2][3], const double p[3])
+{
+    const double slack = 1e-9 * cn_distance(box[0], box[1]);
+    for (int k = 0; k < 3; k++)
+        if (!(p[k] >= box[0][k] - slack && p[k] <= box[1][k] + slack)) return false;
+    return true;
 }
 #endif

@@ -47,21 +47,12 @@ cn_status cn_body_check_mesh(const cn_tets *mesh, cn_error *error)
     return CN_OK;
 }
 
-/* Boxes are closed, with a tolerance of 1e-9 of their size. */
-static bool in_box(const double box[2][3], const double p[3])
-{
-    const double slack = 1e-9 * cn_distance(box[0], box[1]);
-    for (int i = 0; i < 3; i++)
-        if (!(p[i] >= box[0][i] - slack && p[i] <= box[1][i] + slack)) return false;
-    return true;
-}
-
 double cn_material_young(const cn_material *m, const double centre[3], double along)
 {
     double young = m->young;
     for (int i = 0; i < m->nregion; i++) {
         const cn_region *r = m->region + i;
-        if (r->by_box ? in_box(r->box, centre) : along >= r->along[0] && along <= r->along[1])
+        if (r->by_box ? cn_in_box(r->box, centre) : along >= r->along[0] && along <= r->along[1])
             young = r->young;
     }
     return young;
@@ -206,4 +197,22 @@ void cn_body_pull(const cn_body *body, int nactive, const double *x, const doubl
 void cn_body_turn(const cn_body *body, int nactive, double *x, double *rotation)
 {
     if (body->methods->turn) body->methods->turn(body, nactive, x, rotation);
+}
+
+void cn_body_face_shares(const cn_body *body, const unsigned char *inside, double *share)
+{
+    if (body->methods->face_shares) {
+        body->methods->face_shares(body, inside, share);
+        return;
+    }
+    for (int t = 0; t < body->boundary->ntri; t++) {
+        const int *c = body->boundary->tri + 3 * (size_t)t;
+        double e1[3], e2[3], n[3];
+        if (!inside[c[0]] || !inside[c[1]] || !inside[c[2]]) continue;
+        cn_sub(body->point + 3 * (size_t)c[1], body->point + 3 * (size_t)c[0], e1);
+        cn_sub(body->point + 3 * (size_t)c[2], body->point + 3 * (size_t)c[0], e2);
+        cn_cross(e1, e2, n);
+        for (int k = 0; k < 3; k++)
+            share[c[k]] += cn_norm(n) / 6;
+    }
 }

@@ -28,6 +28,7 @@ typedef struct cn_body_methods {
     void (*pull)(const cn_body *body, int nactive, const double *x, const double *rotation,
                  const cn_carry *carry, const double *force, double *f, double scale, cn_matrix *a);
     void (*turn)(const cn_body *body, int nactive, double *x, double *rotation);
+    void (*face_shares)(const cn_body *body, const unsigned char *inside, double *share); /* NULL: linear */
     void (*free_own)(cn_body *body); /* body->own and what the model alone has */
 } cn_body_methods;
 
