@@ -61,7 +61,10 @@ typedef struct {
     cn_body_model model;
     double tip[3], goal[3], goal_distance, com[3];
     double rest_volume, volume, energy, kinetic, momentum[3], angular_momentum[3];
-    double error_bending, error_torsion, error_axial; /* stiffness ratio minus one, NAN: no beam */
+    double shape_error; /* largest distance of a point from the rest shape laid over it, over the size */
+    /* stiffness of mesh over theory minus one (NAN: no beam), and the part of it that the section's polygon
+     * alone makes: what its elements add is (1 + error) / (1 + polygon) - 1 */
+    double error_bending, error_torsion, error_axial;
     double polygon_bending, polygon_torsion, polygon_axial;
 } cn_body_report;
 

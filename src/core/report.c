@@ -128,20 +128,24 @@ static json_t *stiffness_error(const cn_body_report *b)
 {
     if (!isfinite(b->error_bending) && !isfinite(b->error_torsion) && !isfinite(b->error_axial))
         return json_null();
-    return json_pack("{s:o, s:o, s:o, s:{s:o, s:o, s:o}}", "bending", number(b->error_bending), "torsion",
-                     number(b->error_torsion), "axial", number(b->error_axial), "polygon", "bending",
-                     number(b->polygon_bending), "torsion", number(b->polygon_torsion), "axial",
-                     number(b->polygon_axial));
+#define BESIDES(way) number((1 + b->error_##way) / (1 + b->polygon_##way) - 1)
+    return json_pack("{s:o, s:o, s:o, s:{s:o, s:o, s:o}, s:{s:o, s:o, s:o}}", "bending",
+                     number(b->error_bending), "torsion", number(b->error_torsion), "axial",
+                     number(b->error_axial), "polygon", "bending", number(b->polygon_bending), "torsion",
+                     number(b->polygon_torsion), "axial", number(b->polygon_axial), "element", "bending",
+                     BESIDES(bending), "torsion", BESIDES(torsion), "axial", BESIDES(axial));
+#undef BESIDES
 }
 
 static json_t *body(const cn_body_report *b)
 {
-    return json_pack("{s:o, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "name",
+    return json_pack("{s:o, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "name",
                      text(b->name), "model", model_name(b->model), "tip", point(b->tip), "goal",
                      point(b->goal), "goal_distance", number(b->goal_distance), "com", point(b->com),
                      "rest_volume", number(b->rest_volume), "volume", number(b->volume), "energy",
                      number(b->energy), "kinetic", number(b->kinetic), "momentum", point(b->momentum),
-                     "angular_momentum", point(b->angular_momentum), "stiffness_error", stiffness_error(b));
+                     "angular_momentum", point(b->angular_momentum), "shape_error", number(b->shape_error),
+                     "stiffness_error", stiffness_error(b));
 }
 
 static json_t *left_out(const cn_left_out *l)

@@ -99,6 +99,9 @@ double cn_run_margin(const cn_run_data *run, const char **of);
 void cn_run_verdict(cn_run_data *run, cn_verdict_code code, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double step_s);
+/* Largest distance of points x from `rest` (n x 3) turned and shifted to lie over them by least squares, over
+ * `size`; NAN where it is not finite. */
+double cn_shape_error(int n, const double *x, const double *rest, double size);
 void cn_run_finish(cn_run_data *run);                                    /* counts, times, bodies */
 void cn_run_frame(cn_run_data *run, const cn_state *state, bool wanted); /* wanted: without asking the hook */
 /* Least distance of a free node from the walls where no pair is near enough to be listed; INFINITY: no nearer

@@ -89,6 +89,34 @@ double cn_run_far_gap(const cn_run_data *run, int b, const cn_state *state)
     return least < before ? least : INFINITY;
 }
 
+static void mean_point(int n, const double *x, double mean[3])
+{
+    mean[0] = mean[1] = mean[2] = 0;
+    for (int i = 0; i < n; i++)
+        cn_axpy(1.0 / n, x + 3 * i, mean);
+}
+
+double cn_shape_error(int n, const double *x, const double *rest, double size)
+{
+    double to[3], from[3], covariance[9] = {0}, q[4], r[9], most = 0;
+    mean_point(n, x, to), mean_point(n, rest, from);
+    for (int i = 0; i < n; i++) /* in units of the size: no under- or overflow */
+        for (int k = 0; k < 9; k++)
+            covariance[k] +=
+                (x[3 * i + k / 3] - to[k / 3]) / size * ((rest[3 * i + k % 3] - from[k % 3]) / size);
+    cn_polar(covariance, q);
+    cn_quaternion_matrix(q, r);
+    for (int i = 0; i < n; i++) {
+        double arm[3], laid[3], now[3];
+        cn_sub(rest + 3 * i, from, arm);
+        cn_mat_vec(r, arm, laid);
+        cn_sub(x + 3 * i, to, now);
+        const double d = cn_distance(now, laid);
+        if (!(d <= most)) most = d; /* keeps a NaN */
+    }
+    return isfinite(most / size) ? most / size : NAN;
+}
+
 static void body_figures(cn_run_data *run, int b, cn_body_report *out)
 {
     const cn_model_body *model = &run->model->body[b];
@@ -134,6 +162,8 @@ static void body_figures(cn_run_data *run, int b, cn_body_report *out)
         cn_axpy(1, l, out->angular_momentum);
         out->kinetic += 0.5 * cn_dot(l, w);
     }
+    out->shape_error = cn_shape_error(body->npoint, cn_run_points(run, b, run->state, body->nnode),
+                                      body->point, model->size);
     cn_beam_error e = {NAN, NAN, NAN, NAN, NAN, NAN};
     if (run->spec[b].shape.kind == CN_SHAPE_CATHETER)
         cn_beam_error_catheter(&run->spec[b].shape, &run->spec[b].material, &e);

@@ -46,7 +46,8 @@ static cn_report filled(void)
     r.body = calloc(2, sizeof *r.body);
     strcpy(r.body[0].name, "catheter");
     strcpy(r.body[1].name, "bear");
-    r.body[0].error_bending = 4;
+    r.body[0].error_bending = 4, r.body[0].polygon_bending = -0.5;
+    r.body[0].shape_error = 0.25, r.body[1].shape_error = NAN;
     r.body[0].tip[2] = 0.5;
     r.body[1].error_bending = r.body[1].error_torsion = r.body[1].error_axial = NAN;
     r.body[1].goal_distance = NAN;
@@ -162,6 +163,9 @@ static const char *const entry_keys[] = {"limits.0.body",
                                          "bodies.0.kinetic",
                                          "bodies.0.momentum.2",
                                          "bodies.0.angular_momentum.2",
+                                         "bodies.0.shape_error",
+                                         "bodies.0.stiffness_error.polygon.bending",
+                                         "bodies.0.stiffness_error.element.axial",
                                          "bodies.0.stiffness_error.bending",
                                          "bodies.0.stiffness_error.torsion",
                                          "bodies.0.stiffness_error.axial",
@@ -209,6 +213,9 @@ static void figures_come_back_and_what_is_undefined_is_null(void **state)
     assert_string_equal(json_string_value(at(j, "limits.0.reduce")), "mean");
     assert_true(json_real_value(at(j, "bodies.0.tip.2")) == 0.5);
     assert_true(json_real_value(at(j, "bodies.0.stiffness_error.bending")) == 4);
+    assert_true(json_real_value(at(j, "bodies.0.stiffness_error.element.bending")) == 9);
+    assert_true(json_real_value(at(j, "bodies.0.shape_error")) == 0.25);
+    assert_true(json_is_null(at(j, "bodies.1.shape_error")));
     assert_true(json_is_null(at(j, "bodies.1.stiffness_error")) &&
                 json_is_null(at(j, "bodies.1.goal_distance")));
     assert_true(json_is_null(at(j, "left_out.0.error")) &&

@@ -1,0 +1,77 @@
+/* test_run_record.c - the figures a run leaves behind, against closed forms. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include "catnav/vec3.h"
+#include "run_parts.h"
+
+/* A box of edges 3 x 2 x 1 by its corners: its diagonal is its size. */
+static double box[24], size;
+
+static int set_up(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 8; i++)
+        box[3 * i] = 3 * (i & 1), box[3 * i + 1] = 2 * (i >> 1 & 1), box[3 * i + 2] = i >> 2;
+    size = sqrt(14);
+    return 0;
+}
+
+static void a_rigid_motion_changes_no_shape_in_any_unit(void **state)
+{
+    (void)state;
+    const double pi = acos(-1.0), shift[3] = {5, -7, 11};
+    const double turn[][3] = {
+        {0, 0, 0}, {0.3, -0.2, 0.9}, {0, pi, 0}, {pi / sqrt(3), pi / sqrt(3), pi / sqrt(3)}};
+    for (size_t t = 0; t < sizeof turn / sizeof *turn; t++)
+        for (int unit = -150; unit <= 150; unit += 50) {
+            const double metres = pow(10, unit);
+            double r[9], x[24], rest[24];
+            cn_rotation(turn[t], r);
+            for (int i = 0; i < 8; i++) {
+                cn_mat_vec(r, box + 3 * i, x + 3 * i);
+                cn_axpy(1, shift, x + 3 * i);
+            }
+            for (int i = 0; i < 24; i++)
+                x[i] *= metres, rest[i] = metres * box[i];
+            assert_true(cn_shape_error(8, x, rest, metres * size) < 32 * DBL_EPSILON * cn_norm(shift));
+        }
+}
+
+static void growth_and_reflection_are_shape_errors_of_known_size(void **state)
+{
+    (void)state;
+    double x[24];
+    for (int i = 0; i < 24; i++)
+        x[i] = 1.5 * box[i];
+    assert_true(fabs(cn_shape_error(8, x, box, size) - 0.25) < 1e-15); /* half of half a diagonal */
+    for (int i = 0; i < 24; i++) /* mirrored across its thinnest direction: corners are an edge apart */
+        x[i] = i % 3 == 2 ? -box[i] : box[i];
+    assert_true(fabs(cn_shape_error(8, x, box, size) - 1 / size) < 1e-15);
+}
+
+static void all_points_in_one_are_half_a_diagonal_off_and_what_is_not_finite_has_no_error(void **state)
+{
+    (void)state;
+    double x[24] = {0};
+    assert_true(fabs(cn_shape_error(8, x, box, size) - 0.5) < 1e-15);
+    x[7] = NAN;
+    assert_true(isnan(cn_shape_error(8, x, box, size)));
+    x[7] = INFINITY;
+    assert_true(isnan(cn_shape_error(8, x, box, size)));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_rigid_motion_changes_no_shape_in_any_unit),
+        cmocka_unit_test(growth_and_reflection_are_shape_errors_of_known_size),
+        cmocka_unit_test(all_points_in_one_are_half_a_diagonal_off_and_what_is_not_finite_has_no_error),
+    };
+    return cmocka_run_group_tests(tests, set_up, NULL);
+}
