@@ -11,6 +11,7 @@ struct cn_solver {
     bool factored;
     unsigned char *held;     /* fixed or not active (n) */
     const cn_matrix *matrix; /* of the last factor */
+    cn_ladder *ladder;       /* in place of the chain where levels have two nodes each */
     cn_chain *chain;
     cn_sparse *sparse;
     cn_cg *cg;
@@ -91,10 +92,12 @@ cn_status cn_solver_new(cn_solver **out, const cn_matrix *pattern, cn_linear kin
         status = CN_ERR_MEMORY;
         if (!(solver->product = calloc(3 * n + 1, sizeof(double)))) goto fail;
         if (!(solver->change = calloc(3 * n + 1, sizeof(double)))) goto fail;
-        if (kind == CN_LINEAR_CHAIN)
-            status = cn_chain_new(&solver->chain, pattern, level, 0);
-        else
+        if (kind == CN_LINEAR_CHAIN) {
+            status = cn_ladder_new(&solver->ladder, pattern, level, 0);
+            if (status == CN_OK && !solver->ladder) status = cn_chain_new(&solver->chain, pattern, level, 0);
+        } else {
             status = solver->sparse ? CN_OK : cn_sparse_new(&solver->sparse, pattern);
+        }
         if (status != CN_OK) goto fail;
     }
     free(found);
@@ -110,6 +113,7 @@ fail:
 void cn_solver_free(cn_solver *solver)
 {
     if (!solver) return;
+    cn_ladder_free(solver->ladder);
     cn_chain_free(solver->chain);
     cn_sparse_free(solver->sparse);
     cn_cg_free(solver->cg);
@@ -135,7 +139,9 @@ cn_status cn_solver_factor(cn_solver *solver, const cn_matrix *a, int nactive, c
         solver->held[i] = i >= nactive || (fixed && fixed[i]);
     solver->matrix = a;
     solver->nactive = nactive;
-    if (solver->kind == CN_LINEAR_CHAIN)
+    if (solver->ladder)
+        status = cn_ladder_factor(solver->ladder, a, solver->held);
+    else if (solver->kind == CN_LINEAR_CHAIN)
         status = cn_chain_factor(solver->chain, a, solver->held, pool);
     else if (solver->kind == CN_LINEAR_CG)
         status = cn_cg_factor(solver->cg, a, nactive, solver->held);
@@ -148,7 +154,10 @@ cn_status cn_solver_factor(cn_solver *solver, const cn_matrix *a, int nactive, c
 static cn_status solve_direct(cn_solver *solver, const double *b, double *x, cn_pool *pool)
 {
     if (solver->kind == CN_LINEAR_CHOLESKY) return cn_sparse_solve(solver->sparse, solver->held, b, x);
-    cn_chain_solve(solver->chain, b, x, pool);
+    if (solver->ladder)
+        cn_ladder_solve(solver->ladder, b, x);
+    else
+        cn_chain_solve(solver->chain, b, x, pool);
     return CN_OK;
 }
 

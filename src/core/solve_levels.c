@@ -2,6 +2,7 @@
 #include "solve_parts.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 cn_status cn_levels_cost(const cn_matrix *pattern, const int *level, double *flops, double *size)
 {
@@ -32,15 +33,27 @@ bool cn_levels_check(const cn_matrix *pattern, const int *level)
     return true;
 }
 
-/* Levels of i's component by breadth-first search, counted from `base`; nodes in queue order. Returns their
- * number; the last in the queue is one of the farthest. `level` entries below `base` are nodes not to be
- * entered. */
+/* Whether rows i and j have their blocks in the same columns: position and rotation of a rod's station. */
+static bool alike(const cn_matrix *a, int i, int j)
+{
+    const int count = a->row[i + 1] - a->row[i];
+
+    return a->row[j + 1] - a->row[j] == count &&
+           memcmp(a->col + a->row[i], a->col + a->row[j], (size_t)count * sizeof *a->col) == 0;
+}
+
+/* Levels of i's component by breadth-first search, counted from `base`: first i and those alike. Nodes in
+ * queue order. Returns their number; the last in the queue is one of the farthest. `level` entries below
+ * `base` are nodes not to be entered. */
 static int breadth_first(const cn_matrix *a, int i, int base, int *level, int *queue)
 {
     int count = 0;
 
-    queue[count++] = i;
-    level[i] = base;
+    for (int k = a->row[i]; k < a->row[i + 1]; k++)
+        if (alike(a, i, a->col[k])) {
+            queue[count++] = a->col[k];
+            level[a->col[k]] = base;
+        }
     for (int head = 0; head < count; head++)
         for (int k = a->row[queue[head]]; k < a->row[queue[head] + 1]; k++) {
             const int j = a->col[k];

@@ -32,6 +32,15 @@ cn_status cn_chain_factor(cn_chain *chain, const cn_matrix *a, const unsigned ch
 void cn_chain_solve(cn_chain *chain, const double *b, double *x,
                     cn_pool *pool); /* held x: left as they are */
 
+/* Block-tridiagonal Cholesky of 6x6 blocks, on one thread: levels of two block rows each, as a rod's stations
+ * have (position and rotation; 40 ns a station). *out is NULL with CN_OK where levels are others. width as
+ * above. */
+typedef struct cn_ladder cn_ladder;
+cn_status cn_ladder_new(cn_ladder **out, const cn_matrix *pattern, const int *level, int width);
+void cn_ladder_free(cn_ladder *ladder);
+cn_status cn_ladder_factor(cn_ladder *ladder, const cn_matrix *a, const unsigned char *held);
+void cn_ladder_solve(cn_ladder *ladder, const double *b, double *x); /* held x: left as they are */
+
 /* CHOLMOD, analysed over the whole pattern: held nodes are eliminated as identity rows and save no time. */
 typedef struct cn_sparse cn_sparse;
 cn_status cn_sparse_new(cn_sparse **out, const cn_matrix *pattern);
