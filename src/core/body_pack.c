@@ -18,18 +18,21 @@ static int by_key(const void *a, const void *b)
     return (p->element > q->element) - (p->element < q->element);
 }
 
+/* Sum over an element's first four nodes: its corners. */
 static double centre(const cn_body *body, int element, int axis)
 {
-    const int *n = body->tet + 4 * (size_t)element;
+    const int *n = body->connect + (size_t)body->nper * (size_t)element;
     const double *x = body->rest + axis;
     return x[3 * (size_t)n[0]] + x[3 * (size_t)n[1]] + x[3 * (size_t)n[2]] + x[3 * (size_t)n[3]];
 }
 
 static int top_node(const cn_body *body, int element)
 {
-    const int *n = body->tet + 4 * (size_t)element;
-    const int a = n[0] > n[1] ? n[0] : n[1], b = n[2] > n[3] ? n[2] : n[3];
-    return a > b ? a : b;
+    const int *n = body->connect + (size_t)body->nper * (size_t)element;
+    int top = n[0];
+    for (int a = 1; a < body->nper; a++)
+        if (n[a] > top) top = n[a];
+    return top;
 }
 
 /* Orders n elements so that each run of `chunk` is compact: halves across the longest extent, recursively;
@@ -55,10 +58,10 @@ static void order_elements(const cn_body *body, place *list, int n, int chunk)
     order_elements(body, list + half, n - half, chunk);
 }
 
-static void fill_batch(cn_batch *batch, const cn_body *body, const place *list, int n)
+static void fill_tet4(cn_batch *batch, const cn_body *body, const int *order, int n)
 {
     for (int lane = 0; lane < CN_LANES; lane++) {
-        const int element = list[lane < n ? lane : 0].element, top = top_node(body, element);
+        const int element = order[lane < n ? lane : 0], top = top_node(body, element);
         for (int i = 0; i < 9; i++)
             batch->grad[i][lane] = body->shape_grad[12 * (size_t)element + 3 + i];
         batch->volume[lane] = lane < n ? body->volume[element] : 0;
@@ -70,23 +73,43 @@ static void fill_batch(cn_batch *batch, const cn_body *body, const place *list, 
     }
 }
 
-/* Greedy colours of the chunks (data->chunk, colour_start). Where 64 are too few, each chunk has its own. */
-static cn_status colour_chunks(struct cn_element_data *data, int nnode)
+static void fill_tet10(cn_batch10 *batch, const cn_body *body, const int *order, int n)
 {
-    uint64_t *seen = calloc((size_t)nnode, sizeof *seen); /* colours of the chunks at each node */
+    for (int lane = 0; lane < CN_LANES; lane++) {
+        const int element = order[lane < n ? lane : 0];
+        double grad[CN_TET10_POINTS][9], volume[CN_TET10_POINTS];
+        cn_tet10_points(body, element, grad, volume);
+        for (int q = 0; q < CN_TET10_POINTS; q++) {
+            for (int i = 0; i < 9; i++)
+                batch->grad[q][i][lane] = grad[q][i];
+            batch->volume[q][lane] = lane < n ? volume[q] : 0;
+        }
+        batch->mu[lane] = body->mu[element], batch->lambda[lane] = body->lambda[element];
+        memcpy(batch->node[lane], body->connect + 10 * (size_t)element, sizeof batch->node[lane]);
+        batch->element[lane] = lane < n ? element : -1;
+        batch->top[lane] = top_node(body, element);
+        if (lane == 0 || batch->top[lane] < batch->top_min) batch->top_min = batch->top[lane];
+    }
+}
+
+/* Greedy colours of the chunks (data->chunk, colour_start). Where 64 are too few, each chunk has its own. */
+static cn_status colour_chunks(struct cn_element_data *data, const cn_body *body)
+{
+    const int nper = body->nper;
+    uint64_t *seen = calloc((size_t)body->nnode, sizeof *seen); /* colours of the chunks at each node */
     int *colour = calloc((size_t)data->nchunk, sizeof *colour);
     data->chunk = calloc((size_t)data->nchunk, sizeof *data->chunk);
     data->colour_start = calloc((size_t)data->nchunk + 1, sizeof *data->colour_start);
     const cn_status status = seen && colour && data->chunk && data->colour_start ? CN_OK : CN_ERR_MEMORY;
     if (status != CN_OK) goto done;
 
-    const int lanes = data->chunk_batches * CN_LANES, all = data->nbatch * CN_LANES;
+    const int lanes = data->chunk_batches * CN_LANES, all = body->nelement;
     for (int c = 0; c < data->nchunk; c++) {
         const int first = c * lanes, last = first + lanes < all ? first + lanes : all;
         uint64_t near = 0;
         for (int i = first; i < last; i++)
-            for (int a = 0; a < 4; a++)
-                near |= seen[data->batch[i / CN_LANES].node[i % CN_LANES][a]];
+            for (int a = 0; a < nper; a++)
+                near |= seen[body->connect[(size_t)nper * (size_t)data->order[i] + (size_t)a]];
         int free_colour = 0;
         while (free_colour < 64 && near >> free_colour & 1)
             free_colour++;
@@ -97,8 +120,9 @@ static cn_status colour_chunks(struct cn_element_data *data, int nnode)
             break;
         }
         for (int i = first; i < last; i++)
-            for (int a = 0; a < 4; a++)
-                seen[data->batch[i / CN_LANES].node[i % CN_LANES][a]] |= (uint64_t)1 << free_colour;
+            for (int a = 0; a < nper; a++)
+                seen[body->connect[(size_t)nper * (size_t)data->order[i] + (size_t)a]] |= (uint64_t)1
+                                                                                          << free_colour;
         colour[c] = free_colour;
         if (free_colour >= data->ncolour) data->ncolour = free_colour + 1;
     }
@@ -125,19 +149,28 @@ cn_status cn_element_data_new(struct cn_element_data **out, const cn_body *body)
     if (data->nbatch / CN_CHUNKS_MAX >= CN_CHUNK_BATCHES)
         data->chunk_batches = data->nbatch / CN_CHUNKS_MAX + 1;
     data->nchunk = (data->nbatch + data->chunk_batches - 1) / data->chunk_batches;
-    data->kernels = cn_kernels_pick(2);
-    data->batch = aligned_alloc(64, (size_t)data->nbatch * sizeof *data->batch);
+    const bool second = body->model == CN_BODY_TET10;
+    const size_t size = second ? sizeof *data->batch10 : sizeof *data->batch;
+    void *batch = aligned_alloc(64, (size_t)data->nbatch * size);
+    data->kernels = second ? cn_kernels10_pick(2) : cn_kernels_pick(2);
+    data->batch = second ? NULL : batch, data->batch10 = second ? batch : NULL;
+    data->order = calloc((size_t)body->ntet, sizeof *data->order);
     list = calloc((size_t)body->ntet, sizeof *list);
-    if (!data->batch || !list) goto fail;
-    memset(data->batch, 0, (size_t)data->nbatch * sizeof *data->batch);
+    if (!batch || !data->order || !list) goto fail;
+    memset(batch, 0, (size_t)data->nbatch * size);
     for (int i = 0; i < body->ntet; i++)
         list[i].element = i;
     order_elements(body, list, body->ntet, data->chunk_batches * CN_LANES);
+    for (int i = 0; i < body->ntet; i++)
+        data->order[i] = list[i].element;
     for (int k = 0; k < data->nbatch; k++) {
-        const int first = k * CN_LANES, left = body->ntet - first;
-        fill_batch(data->batch + k, body, list + first, left < CN_LANES ? left : CN_LANES);
+        const int first = k * CN_LANES, left = body->ntet - first, n = left < CN_LANES ? left : CN_LANES;
+        if (second)
+            fill_tet10(data->batch10 + k, body, data->order + first, n);
+        else
+            fill_tet4(data->batch + k, body, data->order + first, n);
     }
-    if ((status = colour_chunks(data, body->nnode)) != CN_OK) goto fail;
+    if ((status = colour_chunks(data, body)) != CN_OK) goto fail;
     free(list);
     *out = data;
     return CN_OK;
@@ -151,6 +184,8 @@ void cn_element_data_free(struct cn_element_data *data)
 {
     if (!data) return;
     free(data->batch);
+    free(data->batch10);
+    free(data->order);
     free(data->colour_start);
     free(data->chunk);
     free(data);

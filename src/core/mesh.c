@@ -175,6 +175,8 @@ void cn_set_join(int *parent, int a, int b)
 
 /* Outward faces of a positive tetrahedron. */
 static const int face_of[4][3] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
+/* Which of mid's six nodes lies between two corners. */
+static const int edge_of[4][4] = {{-1, 0, 2, 3}, {0, -1, 1, 4}, {2, 1, -1, 5}, {3, 4, 5, -1}};
 
 double cn_tet_volume6(const double *a, const double *b, const double *c, const double *d)
 {
@@ -334,12 +336,21 @@ cn_status cn_tets_boundary(cn_surface **out, const cn_tets *tets)
         j = cn_facet_run(n, face, i);
         if (j - i == 1) face[count++] = face[i];
     }
-    if ((status = cn_surface_new(&surface, 0, count)) != CN_OK) goto done;
+    if ((status = cn_surface_new(&surface, 0, tets->mid ? 4 * count : count)) != CN_OK) goto done;
     free(surface->vert);
     surface->vert = NULL;
     surface->nvert = tets->nnode;
     for (int i = 0; i < count; i++) {
         const int *t = tets->tet + (face[i].item & ~3), *f = face_of[face[i].item & 3];
+        if (tets->mid) {
+            const int *mid = tets->mid + 6 * (size_t)(face[i].item / 4);
+            const int a = t[f[0]], b = t[f[1]], c = t[f[2]];
+            const int ab = mid[edge_of[f[0]][f[1]]], bc = mid[edge_of[f[1]][f[2]]],
+                      ca = mid[edge_of[f[2]][f[0]]];
+            const int four[12] = {a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca};
+            memcpy(surface->tri + 12 * (size_t)i, four, sizeof four);
+            continue;
+        }
         for (int k = 0; k < 3; k++)
             surface->tri[3 * i + k] = t[f[k]];
     }
