@@ -73,7 +73,7 @@ typedef struct {
     double torsion;         /* GJ [N m^2] */
     double line_mass;       /* [kg/m] */
     double line_inertia[3]; /* rho I about n, b and t [kg m] */
-    double area;            /* that encloses its volume [m^2] */
+    double area;            /* of its wall, without lumen and core: its volume over its length [m^2] */
     bool round;             /* else a rectangle */
     double half[2];         /* half width along n and b [m]; round: both the outer radius */
     double young, poisson;  /* of the outer material: stress and volume change of fibres */
@@ -83,10 +83,13 @@ typedef struct {
  * Cowper's shear coefficient and Saint-Venant's torsion. young replaces the material's (a region's). */
 cn_status cn_section_of(cn_section *out, const cn_shape *shape, const cn_material *material, double young,
                         cn_error *error);
-/* A rod along `axis` (nnode >= 2, x 3; its rest shape, straight or bent). `normal`: n of the first frame, the
- * others twist-free. section (nnode - 1). skin: tetrahedra that ride on it, copied, their nodes' number a
- * multiple of nnode, those of node i in a row (a catheter's stations), or with ride (skin->nnode) the node of
- * each. CN_ERR_ARG: a segment without length, a stiffness that is not positive, with its number and value. */
+/* A rod along `axis` (nnode >= 2, x 3; its rest shape, straight or bent); t points from node to node as they
+ * are numbered: a catheter's from the tip to the base. `normal`: n of the first frame (what of it is across
+ * t), the others twist-free. section (nnode - 1). skin: tetrahedra that ride on it, copied, as many nodes for
+ * each of the rod's, those of node i in a row (a catheter's stations), or with ride (skin->nnode) the node of
+ * each: then points are the skin's nodes sorted by it, in their order otherwise. NULL: the points are the
+ * nodes, without tetrahedra. CN_ERR_ARG: a segment without length, a stiffness that is not positive, with its
+ * number and value. */
 cn_status cn_body_new_rod(cn_body **out, int nnode, const double *axis, const double normal[3],
                           const cn_section *section, const cn_tets *skin, const int *ride,
                           const cn_material *material, cn_error *error);

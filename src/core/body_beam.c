@@ -7,21 +7,23 @@
 #include <string.h>
 #include "catnav/vec3.h"
 #include "body_beam.h"
+#include "body_face.h"
+#include "rod.h"
 #include "solve.h"
 
 static const double pi = 3.14159265358979323846;
 
-/* A piece of nsection sections of `per` nodes each, in order along `axis`; held at the last one, loaded at
- * the first. u and v are the section's axes from its centroid, in the cyclic order axis, u, v. */
+/* A piece of nsection sections along `axis`, the first that of node 0; held at the last one, loaded at the
+ * first. u and v are the section's axes from its centroid, in the cyclic order axis, u, v. */
 typedef struct {
     cn_body *body;
     cn_matrix *matrix;
     cn_scatter *scatter;
     cn_solver *solver;
-    int per, nsection, axis;
+    int nsection, axis;
     double area, moment[2], centre[2]; /* of the meshed section: A, integrals of u^2 and v^2 */
     double *rotation, *f, *x;
-    int *level;
+    int *section, *level; /* of each node; levels for the solver: what an element spans lies in two */
     unsigned char *fixed;
 } piece;
 
@@ -34,49 +36,55 @@ static void piece_free(piece *p)
     free(p->rotation);
     free(p->f);
     free(p->x);
+    free(p->section);
     free(p->level);
     free(p->fixed);
 }
 
-static void section_place(const piece *p, int node, double uv[2])
+static void section_place(const piece *p, const double *x, double uv[2])
 {
-    const double *x = p->body->rest + 3 * (size_t)node;
     uv[0] = x[(p->axis + 1) % 3] - p->centre[0];
     uv[1] = x[(p->axis + 2) % 3] - p->centre[1];
 }
 
-/* Calls `visit` for each triangle of the loaded end, with its area and its corners in the section. */
-typedef void (*visit_triangle)(piece *p, const int *tri, double area, const double uv[3][2], void *user);
-static void each_end_triangle(piece *p, visit_triangle visit, void *user)
+/* A point of integration on the loaded end: its place in the section, the area it stands for, and the shape
+ * functions of the face's n nodes there. */
+typedef struct {
+    double uv[2], area, shape[CN_FACE_NODES];
+    int n, node[CN_FACE_NODES];
+} end_point;
+
+typedef void (*visit_point)(piece *p, const end_point *at, void *user);
+static void each_end_point(piece *p, visit_point visit, void *user)
 {
-    for (int t = 0; t < p->body->boundary->ntri; t++) {
-        const int *tri = p->body->boundary->tri + 3 * (size_t)t;
-        double uv[3][2];
-        if (tri[0] >= p->per || tri[1] >= p->per || tri[2] >= p->per) continue;
-        for (int c = 0; c < 3; c++)
-            section_place(p, tri[c], uv[c]);
-        const double twice =
-            (uv[1][0] - uv[0][0]) * (uv[2][1] - uv[0][1]) - (uv[1][1] - uv[0][1]) * (uv[2][0] - uv[0][0]);
-        visit(p, tri, fabs(twice) / 2, (const double(*)[2])uv, user);
+    end_point at;
+    for (int face = 0; (at.n = cn_body_face(p->body, face, at.node)) > 0; face++) {
+        bool end = true;
+        for (int a = 0; a < at.n; a++)
+            end = end && p->section[at.node[a]] == 0;
+        for (int k = 0; end && k < CN_FACE_POINTS; k++) {
+            double x[3], normal[3];
+            cn_body_face_at(p->body, face, k, at.shape, x, normal);
+            section_place(p, x, at.uv);
+            at.area = cn_norm(normal);
+            visit(p, &at, user);
+        }
     }
 }
 
-static void add_centre(piece *p, const int *tri, double area, const double uv[3][2], void *user)
+static void add_centre(piece *p, const end_point *at, void *user)
 {
     double *sum = user;
-    (void)tri;
-    p->area += area;
+    p->area += at->area;
     for (int k = 0; k < 2; k++)
-        sum[k] += area * (uv[0][k] + uv[1][k] + uv[2][k]) / 3;
+        sum[k] += at->area * at->uv[k];
 }
 
-static void add_moment(piece *p, const int *tri, double area, const double uv[3][2], void *user)
+static void add_moment(piece *p, const end_point *at, void *user)
 {
-    (void)tri, (void)user;
-    for (int k = 0; k < 2; k++) {
-        const double a = uv[0][k], b = uv[1][k], c = uv[2][k];
-        p->moment[k] += area / 6 * (a * a + b * b + c * c + a * b + b * c + c * a);
-    }
+    (void)user;
+    for (int k = 0; k < 2; k++)
+        p->moment[k] += at->area * at->uv[k] * at->uv[k];
 }
 
 /* Traction of a load at a point of the section, as axis, u, v. */
@@ -87,14 +95,13 @@ static void traction(int load, const double uv[2], double t[3])
     t[2] = load == CN_BEAM_TORSION ? uv[0] : 0;
 }
 
-static void add_load(piece *p, const int *tri, double area, const double uv[3][2], void *user)
+static void add_load(piece *p, const end_point *at, void *user)
 {
-    double t[3][3];
-    for (int c = 0; c < 3; c++)
-        traction(*(const int *)user, uv[c], t[c]);
-    for (int c = 0; c < 3; c++)
+    double t[3];
+    traction(*(const int *)user, at->uv, t);
+    for (int a = 0; a < at->n; a++)
         for (int k = 0; k < 3; k++)
-            p->f[3 * tri[c] + (p->axis + k) % 3] += area / 12 * (t[c][k] + t[0][k] + t[1][k] + t[2][k]);
+            p->f[3 * at->node[a] + (p->axis + k) % 3] += at->area * at->shape[a] * t[k];
 }
 
 /* What the displacement u does to a section that goes with the load: mean advance, slope about v or u (least
@@ -102,10 +109,13 @@ static void add_load(piece *p, const int *tri, double area, const double uv[3][2
 static double response(const piece *p, int load, const double *u, int section)
 {
     double m[9] = {0}, b[3] = {0}, turn = 0, square = 0;
-    for (int n = section * p->per; n < (section + 1) * p->per; n++) {
+    int count = 0;
+    for (int n = 0; n < p->body->nnode; n++) {
+        if (p->section[n] != section) continue;
         const double *un = u + 3 * (size_t)n;
         double uv[2];
-        section_place(p, n, uv);
+        count++;
+        section_place(p, p->body->rest + 3 * (size_t)n, uv);
         const double row[3] = {1, uv[0], uv[1]}, *along = un + p->axis;
         for (int i = 0; i < 3; i++) {
             b[i] += row[i] * *along;
@@ -116,11 +126,31 @@ static double response(const piece *p, int load, const double *u, int section)
         square += uv[0] * uv[0] + uv[1] * uv[1];
     }
     if (load == CN_BEAM_TORSION) return turn / square;
-    if (load == CN_BEAM_AXIAL) return b[0] / p->per;
+    if (load == CN_BEAM_AXIAL) return b[0] / count;
     const double det = cn_det(m);
     for (int i = 0; i < 3; i++)
         m[3 * i + load] = b[i]; /* Cramer: column 1 for u, 2 for v */
     return cn_det(m) / det;
+}
+
+/* Place of a node along the axis, from node 0. */
+static double ahead(const piece *p, int node)
+{
+    return p->body->rest[3 * (size_t)node + (size_t)p->axis] - p->body->rest[p->axis];
+}
+
+/* Sections, by place; the last one is held. */
+static void find_sections(piece *p)
+{
+    const int n = p->body->nnode, order = p->body->model == CN_BODY_TET10 ? 2 : 1;
+    double end = 0;
+    for (int i = 0; i < n; i++)
+        if (fabs(ahead(p, i)) > fabs(end)) end = ahead(p, i);
+    for (int i = 0; i < n; i++) {
+        p->section[i] = (int)lround(ahead(p, i) / end * (p->nsection - 1));
+        p->level[i] = p->section[i] / order;
+        p->fixed[i] = p->section[i] == p->nsection - 1;
+    }
 }
 
 static cn_status piece_new(piece *p, const cn_tets *mesh, int nsection, int axis, const cn_material *given)
@@ -129,53 +159,62 @@ static cn_status piece_new(piece *p, const cn_tets *mesh, int nsection, int axis
     const cn_material material = {.young = given->young, .poisson = given->poisson};
     const int first = 0, n = mesh->nnode;
     double sum[2] = {0};
-    *p = (piece){.per = n / nsection, .nsection = nsection, .axis = axis};
+    *p = (piece){.nsection = nsection, .axis = axis};
     if ((status = cn_body_new(&p->body, mesh, &material, NULL, NULL)) != CN_OK) return status;
     if ((status = cn_matrix_new(&p->matrix, 1, (const cn_body *const *)&p->body, &first)) != CN_OK)
         return status;
     if ((status = cn_body_bind(&p->scatter, p->body, p->matrix, 0)) != CN_OK) return status;
-    p->rotation = calloc((size_t)mesh->ntet, 4 * sizeof *p->rotation);
+    p->rotation = calloc((size_t)p->body->nturn, 4 * sizeof *p->rotation);
     p->f = calloc((size_t)n, 3 * sizeof *p->f);
     p->x = calloc((size_t)n, 3 * sizeof *p->x);
+    p->section = calloc((size_t)n, sizeof *p->section);
     p->level = calloc((size_t)n, sizeof *p->level);
     p->fixed = calloc((size_t)n, 1);
-    if (!p->rotation || !p->f || !p->x || !p->level || !p->fixed) return CN_ERR_MEMORY;
-    for (int i = 0; i < n; i++)
-        p->level[i] = i / p->per, p->fixed[i] = p->level[i] == nsection - 1;
+    if (!p->rotation || !p->f || !p->x || !p->section || !p->level || !p->fixed) return CN_ERR_MEMORY;
+    find_sections(p);
     if ((status = cn_solver_new(&p->solver, p->matrix, CN_LINEAR_AUTO, p->level, NULL)) != CN_OK)
         return status;
     cn_body_rotation_start(p->body, p->rotation);
     cn_matrix_clear(p->matrix, n);
     cn_body_add_elastic(p->body, n, p->body->rest, p->rotation, p->f, CN_TANGENT_WARPED, 1, p->scatter, NULL);
-    each_end_triangle(p, add_centre, sum);
+    each_end_point(p, add_centre, sum);
     p->centre[0] = sum[0] / p->area, p->centre[1] = sum[1] / p->area;
-    each_end_triangle(p, add_moment, NULL);
+    each_end_point(p, add_moment, NULL);
     return cn_solver_factor(p->solver, p->matrix, n, p->fixed, NULL);
+}
+
+/* The force or moment of p->f: its work on the motion that goes with the load. */
+static double resultant(const piece *p, int load)
+{
+    double sum = 0;
+    for (int i = 0; i < p->body->nnode; i++) {
+        double uv[2], t[3];
+        section_place(p, p->body->rest + 3 * (size_t)i, uv);
+        traction(load, uv, t);
+        for (int k = 0; k < 3; k++)
+            sum += p->f[3 * i + (p->axis + k) % 3] * t[k];
+    }
+    return sum;
 }
 
 /* EA, EI against u and v, GJ of the piece. */
 static cn_status piece_stiffness(piece *p, double stiffness[CN_BEAM_LOADS])
 {
-    const int low = p->nsection / 4, high = 3 * p->nsection / 4;
+    const int order = p->body->model == CN_BODY_TET10 ? 2 : 1; /* read where the corners are */
+    const int low = p->nsection / 4 / order * order, high = 3 * p->nsection / 4 / order * order;
     const size_t n = 3 * (size_t)p->body->nnode;
-    const double *rest = p->body->rest + p->axis;
-    const double length = fabs(rest[3 * (size_t)(high * p->per)] - rest[3 * (size_t)(low * p->per)]);
+    double end = 0;
+    for (int i = 0; i < p->body->nnode; i++)
+        if (p->section[i] == p->nsection - 1) end = ahead(p, i);
+    const double length = fabs(end) * (high - low) / (p->nsection - 1);
     for (int load = 0; load < CN_BEAM_LOADS; load++) {
-        double resultant = 0;
         memset(p->f, 0, n * sizeof *p->f);
         memset(p->x, 0, n * sizeof *p->x);
-        each_end_triangle(p, add_load, &load);
-        for (int i = 0; i < p->per; i++) { /* the force or moment: work on the motion that goes with it */
-            double uv[2], t[3];
-            section_place(p, i, uv);
-            traction(load, uv, t);
-            for (int k = 0; k < 3; k++)
-                resultant += p->f[3 * i + (p->axis + k) % 3] * t[k];
-        }
+        each_end_point(p, add_load, &load);
         const cn_status status = cn_solver_solve(p->solver, p->f, p->x, 1e-9, 1, NULL, NULL, NULL);
         if (status != CN_OK) return status;
         stiffness[load] =
-            resultant * length / fabs(response(p, load, p->x, high) - response(p, load, p->x, low));
+            resultant(p, load) * length / fabs(response(p, load, p->x, high) - response(p, load, p->x, low));
     }
     return CN_OK;
 }
@@ -211,16 +250,6 @@ static double polygon_torsion(int sides)
                  b = polygon_torsion_sum(sides, POLYGON_TERMS / 2);
     const double c = polygon_torsion_sum(sides, POLYGON_TERMS), bend = c - 2 * b + a;
     return bend != 0 ? c - (c - b) * (c - b) / bend : c;
-}
-
-/* J of a rectangle a x b (Saint-Venant's series). */
-static double rectangle_torsion(double a, double b)
-{
-    if (a < b) return rectangle_torsion(b, a);
-    double sum = 0;
-    for (int k = 1; k < 40; k += 2)
-        sum += tanh(k * pi * a / (2 * b)) / pow(k, 5);
-    return a * b * b * b * (1.0 / 3 - 64 * b / (pow(pi, 5) * a) * sum);
 }
 
 static double worse_bending(const double got[CN_BEAM_LOADS], const double truth[CN_BEAM_LOADS])
@@ -318,7 +347,7 @@ cn_status cn_beam_error_beam(const cn_shape *shape, const cn_material *material,
     if (status != CN_OK) return status;
 
     const double area = size[1] * size[2], polar = area * (size[1] * size[1] + size[2] * size[2]) / 12;
-    const double j = rectangle_torsion(size[1], size[2]), shear = e / (2 * (1 + material->poisson));
+    const double j = cn_rectangle_torsion(size[1], size[2]), shear = e / (2 * (1 + material->poisson));
     const double truth[CN_BEAM_LOADS] = {e * area, e * area * size[1] * size[1] / 12,
                                          e * area * size[2] * size[2] / 12, shear * j};
     status = beam_error(mesh, n, 0, material, truth, j / polar, out);
