@@ -1,24 +1,15 @@
-/* model.c - from the scene to what stays fixed in a run: meshes, bodies, held nodes, loads, drive geometry.
- */
-#include "sim.h"
+/* model.c - from the scene to what stays fixed in a run: meshes, bodies, held nodes, drive geometry. */
+#include "body_methods.h"
+#include "model_load.h"
+#include "positions.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
 
-/* Boxes of a scene are closed, with a tolerance of 1e-9 of their size. */
-static bool in_box(const double box[2][3], const double p[3])
-{
-    const double slack = 1e-9 * cn_distance(box[0], box[1]);
-    for (int k = 0; k < 3; k++)
-        if (!(p[k] >= box[0][k] - slack && p[k] <= box[1][k] + slack)) return false;
-    return true;
-}
-
-/* The mesh of a body's shape in its own frame, placed; a catheter's is laid along its entry axis. tip gets
- * the nodes of a beam's +x face. */
-static cn_status shape_mesh(cn_tets **out, const cn_shape *shape, int *tip, int *ntip, cn_error *error)
+/* The linear mesh of a body's shape, placed; a catheter's in its own frame. */
+static cn_status linear_mesh(cn_tets **out, const cn_shape *shape, cn_error *error)
 {
     cn_status status = CN_ERR_ARG;
     cn_surface *surface = NULL;
@@ -33,8 +24,6 @@ static cn_status shape_mesh(cn_tets **out, const cn_shape *shape, int *tip, int 
         return status;
     case CN_SHAPE_BEAM:
         status = cn_tets_beam(out, shape->beam.size, shape->beam.cells, error);
-        for (int i = 0; status == CN_OK && i < (*out)->nnode; i++)
-            if ((*out)->node[3 * i] >= shape->beam.size[0] * (1 - 1e-9)) tip[(*ntip)++] = i;
         if (status == CN_OK) cn_place_points(&shape->placement, (*out)->nnode, (*out)->node);
         return status;
     case CN_SHAPE_SPHERE:
@@ -65,6 +54,41 @@ static cn_status shape_mesh(cn_tets **out, const cn_shape *shape, int *tip, int 
     if (status == CN_OK) status = cn_tets_fill(out, surface, 0, error);
     cn_surface_free(surface);
     return status;
+}
+
+static cn_status shape_mesh(cn_tets **out, const cn_shape *shape, cn_body_model model, cn_error *error)
+{
+    cn_tets *linear;
+    if (model == CN_BODY_TET10 && shape->kind == CN_SHAPE_CATHETER)
+        return cn_tets_catheter10(out, shape->catheter.length, shape->catheter.diameter,
+                                  shape->catheter.inner_diameter, shape->catheter.stations,
+                                  shape->catheter.sides, error);
+    cn_status status = linear_mesh(&linear, shape, error);
+    *out = linear;
+    if (status != CN_OK || model != CN_BODY_TET10) return status;
+    status = cn_tets_raise(out, linear);
+    cn_tets_free(linear);
+    return status;
+}
+
+/* Nodes of a beam's +x face, of a rod its end. */
+static cn_status find_tip(cn_model_body *out)
+{
+    const cn_body *body = out->body;
+    const cn_placement *place = &out->spec->shape.placement;
+    const double length = out->spec->shape.beam.size[0] * place->scale;
+    double end[2][3] = {{0, 0, 0}, {out->spec->shape.beam.size[0], 0, 0}}, along[3];
+    if (!(out->tip = malloc((size_t)body->nnode * sizeof *out->tip))) return CN_ERR_MEMORY;
+    if (out->spec->shape.kind != CN_SHAPE_BEAM) return CN_OK;
+    cn_place_points(place, 2, end[0]);
+    cn_sub(end[1], end[0], along);
+    cn_normalise(along);
+    for (int i = 0; i < body->nnode; i++) {
+        double from[3];
+        cn_sub(body->rest + 3 * i, end[1], from);
+        if (cn_dot(from, along) >= -1e-9 * length) out->tip[out->ntip++] = i;
+    }
+    return CN_OK;
 }
 
 /* Lays the chain into the scene: the tip `inserted` past the entry, the rest behind it along -direction. */
@@ -101,22 +125,63 @@ static cn_status lay_catheter(cn_model_body *body, cn_tets *mesh, double **along
     return CN_OK;
 }
 
-/* EI over mass per length [m^4/s^2]. */
+/* EI over mass per length [m^4/s^2] of the device as its model has it. */
 static double bending_of(const cn_body_spec *spec)
 {
-    const double d = spec->shape.catheter.diameter, di = spec->shape.catheter.inner_diameter, pi = acos(-1.0);
-    double ei = spec->material.young * pi * (pow(d, 4) - pow(di, 4)) / 64;
-    double line = spec->material.density * pi * (d * d - di * di) / 4;
-    if (spec->shape.catheter.has_core) {
-        const double dc = spec->shape.catheter.core_diameter;
-        ei += spec->shape.catheter.core_young * pi * pow(dc, 4) / 64;
-        line += spec->shape.catheter.core_density * pi * dc * dc / 4;
-    }
-    /* the drive must bend the mesh as it is, with the stiffness that its elements add */
+    cn_section section;
     cn_beam_error error;
-    if (cn_beam_error_catheter(&spec->shape, &spec->material, &error) == CN_OK && error.bending > -1)
+    if (cn_section_of(&section, &spec->shape, &spec->material, spec->material.young, NULL) != CN_OK) return 0;
+    double ei = section.bending[0];
+    /* the drive must bend a mesh as it is, with the stiffness that its elements add */
+    if (spec->model != CN_BODY_ROD &&
+        cn_beam_error_catheter(&spec->shape, &spec->material, &error) == CN_OK &&
+        error.bending > -1)
         ei *= 1 + error.bending;
-    return line > 0 ? ei / line : 0;
+    return section.line_mass > 0 ? ei / section.line_mass : 0;
+}
+
+/* A rod under the mesh of its shape, whose nodes lie section after section along it, and ride on it. */
+static cn_status build_rod(cn_model_body *out, const cn_tets *skin, cn_error *error)
+{
+    const cn_shape *shape = &out->spec->shape;
+    const cn_material *material = &out->spec->material;
+    const bool catheter = shape->kind == CN_SHAPE_CATHETER;
+    const int n = catheter ? shape->catheter.stations : shape->beam.cells[0] + 1;
+    const double length = catheter ? shape->catheter.length : shape->beam.size[0];
+    double *axis = malloc(3 * (size_t)n * sizeof *axis), normal[3];
+    cn_section *section = malloc((size_t)n * sizeof *section);
+    cn_status status = axis && section ? CN_OK : CN_ERR_MEMORY;
+    for (int i = 0; status == CN_OK && i < n; i++) {
+        const double s = length * ((double)i / (n - 1)), size[2] = {shape->beam.size[1], shape->beam.size[2]};
+        const double in_beam[3] = {s, 0.5 * size[0], 0.5 * size[1]};
+        for (int k = 0; k < 3; k++)
+            axis[3 * i + k] =
+                catheter ? out->entry[k] + (shape->catheter.inserted - s) * out->direction[k] : in_beam[k];
+    }
+    if (status == CN_OK && !catheter) {
+        double origin[3] = {0, 0, 0}, across[3] = {0, 1, 0};
+        cn_place_points(&shape->placement, n, axis);
+        cn_place_points(&shape->placement, 1, origin), cn_place_points(&shape->placement, 1, across);
+        cn_sub(across, origin, normal);
+    }
+    for (int i = 0; status == CN_OK && i + 1 < n; i++) {
+        double centre[3];
+        for (int k = 0; k < 3; k++)
+            centre[k] = 0.5 * (axis[3 * i + k] + axis[3 * i + 3 + k]);
+        const double along = catheter ? length * ((i + 0.5) / (n - 1)) : NAN;
+        status =
+            cn_section_of(&section[i], shape, material, cn_material_young(material, centre, along), error);
+    }
+    if (status == CN_OK)
+        status = cn_body_new_rod(&out->body, n, axis, catheter ? out->normal : normal, section, skin, NULL,
+                                 material, error);
+    if (status == CN_OK && catheter) {
+        out->per_station = out->per_section = 1;
+        for (int i = 0; i < n; i++)
+            out->behind[i] = length * ((double)i / (n - 1)), out->offset[2 * i] = out->offset[2 * i + 1] = 0;
+    }
+    free(axis), free(section);
+    return status;
 }
 
 static int nearest_node(const cn_body *body, const double p[3])
@@ -135,7 +200,7 @@ static cn_status drive_geometry(cn_model_body *out, cn_error *error)
 
     out->ncontrol = 0;
     for (int i = 0; i < body->nnode; i++)
-        if (drive->control_all || (drive->ncontrol < 0 && in_box(drive->control_box, body->rest + 3 * i)))
+        if (drive->control_all || (drive->ncontrol < 0 && cn_in_box(drive->control_box, body->rest + 3 * i)))
             out->control[out->ncontrol++] = i;
     for (int i = 0; !drive->control_all && i < drive->ncontrol; i++) {
         if (drive->control[i] < 0 || drive->control[i] >= body->nnode)
@@ -171,46 +236,6 @@ static cn_status drive_geometry(cn_model_body *out, cn_error *error)
     return CN_OK;
 }
 
-/* Uniform traction on the surface triangles wholly in the box, by their lumped area; without any, by mass
- * over the nodes in it. */
-static cn_status nodal_load(cn_model_body *out, const cn_load *load, cn_nodal_load *nodal, cn_error *error)
-{
-    const cn_body *body = out->body;
-    double *share = calloc((size_t)body->nnode, sizeof *share), total = 0;
-    nodal->from = load->from, nodal->until = load->until;
-    nodal->force = calloc(3 * (size_t)body->nnode, sizeof *nodal->force);
-    if (!share || !nodal->force) {
-        free(share);
-        return CN_ERR_MEMORY;
-    }
-    for (int t = 0; t < body->boundary->ntri; t++) {
-        const int *c = body->boundary->tri + 3 * t;
-        double e1[3], e2[3], n[3];
-        if (!in_box(load->box, body->rest + 3 * c[0]) || !in_box(load->box, body->rest + 3 * c[1]) ||
-            !in_box(load->box, body->rest + 3 * c[2]))
-            continue;
-        cn_sub(body->rest + 3 * c[1], body->rest + 3 * c[0], e1);
-        cn_sub(body->rest + 3 * c[2], body->rest + 3 * c[0], e2);
-        cn_cross(e1, e2, n);
-        for (int k = 0; k < 3; k++)
-            share[c[k]] += cn_norm(n) / 6;
-        total += cn_norm(n) / 2;
-    }
-    for (int i = 0; total == 0 && i < body->nnode; i++)
-        if (in_box(load->box, body->rest + 3 * i)) share[i] = body->mass[i] > 0 ? body->mass[i] : 1;
-    if (total == 0)
-        for (int i = 0; i < body->nnode; i++)
-            total += share[i];
-    for (int i = 0; total > 0 && i < body->nnode; i++)
-        cn_axpy(share[i] / total, load->force, nodal->force + 3 * i);
-    free(share);
-    if (total > 0) return CN_OK;
-    return cn_fail(error, CN_ERR_SCENE, NULL, 0,
-                   "body %s: the load's box [%g %g %g] to [%g %g %g] holds no node: move or widen it",
-                   out->spec->name, load->box[0][0], load->box[0][1], load->box[0][2], load->box[1][0],
-                   load->box[1][1], load->box[1][2]);
-}
-
 static cn_status contact_of(cn_model_body *out, const cn_scene *scene, const cn_world *world)
 {
     const cn_body *body = out->body;
@@ -236,11 +261,7 @@ static cn_status build_body(cn_model_body *out, const cn_scene *scene, const cn_
     double *along = NULL;
     const cn_body *body;
     cn_status status = CN_ERR_MEMORY;
-    const size_t face = spec->shape.kind == CN_SHAPE_BEAM ? ((size_t)spec->shape.beam.cells[1] + 1) *
-                                                                ((size_t)spec->shape.beam.cells[2] + 1)
-                                                          : 0;
-    if (!(out->tip = malloc((face + 1) * sizeof *out->tip))) goto done;
-    status = shape_mesh(&mesh, &spec->shape, out->tip, &out->ntip, error);
+    status = shape_mesh(&mesh, &spec->shape, spec->model, error);
     if (status != CN_OK) goto done;
 
     if (spec->shape.kind == CN_SHAPE_CATHETER) {
@@ -249,13 +270,16 @@ static cn_status build_body(cn_model_body *out, const cn_scene *scene, const cn_
                       (spec->shape.catheter.sheath == CN_AUTO && world->nvessel > 0);
         out->bending = bending_of(spec);
     }
-    if ((status = cn_body_new(&out->body, mesh, &spec->material, along, error)) != CN_OK) goto done;
+    status = spec->model == CN_BODY_ROD ? build_rod(out, mesh, error)
+                                        : cn_body_new(&out->body, mesh, &spec->material, along, error);
+    if (status != CN_OK) goto done;
     body = out->body;
+    if ((status = find_tip(out)) != CN_OK) goto done;
     if (!out->catheter) { /* the drive's axis: from the goal node towards the first waypoint */
         double box[2][3] = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
-        for (int i = 0; i < 3 * body->nnode; i++) {
-            box[0][i % 3] = fmin(box[0][i % 3], body->rest[i]);
-            box[1][i % 3] = fmax(box[1][i % 3], body->rest[i]);
+        for (int i = 0; i < 3 * body->npoint; i++) {
+            box[0][i % 3] = fmin(box[0][i % 3], body->point[i]);
+            box[1][i % 3] = fmax(box[1][i % 3], body->point[i]);
         }
         out->size = cn_distance(box[0], box[1]);
         for (int k = 0; k < 3; k++)
@@ -276,8 +300,14 @@ static cn_status build_body(cn_model_body *out, const cn_scene *scene, const cn_
     status = CN_ERR_MEMORY;
     if (!out->fixed || !out->behind || !out->offset || !out->control || !out->load) goto done;
     if ((status = drive_geometry(out, error)) != CN_OK) goto done;
+    if (spec->start_file) {
+        status = CN_ERR_MEMORY;
+        if (!(out->start = malloc(3 * n * sizeof *out->start))) goto done;
+        if ((status = cn_positions_read(spec->start_file, body->nnode, out->start, error)) != CN_OK)
+            goto done;
+    }
     for (int i = 0; spec->fixed.set && i < body->nblock; i++)
-        out->fixed[i] = in_box(spec->fixed.box, body->rest + 3 * (i % body->nnode));
+        out->fixed[i] = cn_in_box(spec->fixed.box, body->rest + 3 * (i % body->nnode));
     int nfixed = 0;
     for (int i = 0; i < body->nnode; i++)
         nfixed += out->fixed[i];
@@ -289,7 +319,7 @@ static cn_status build_body(cn_model_body *out, const cn_scene *scene, const cn_
         goto done;
     }
     for (int l = 0; l < spec->nload; l++, out->nload++)
-        if ((status = nodal_load(out, &spec->load[l], &out->load[l], error)) != CN_OK) goto done;
+        if ((status = cn_model_load(out, &spec->load[l], &out->load[l], error)) != CN_OK) goto done;
     status =
         scene->contact.method == CN_CONTACT_NONE && world->nwall == 0 ? CN_OK : contact_of(out, scene, world);
 done:
