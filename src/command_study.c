@@ -1,8 +1,11 @@
-/* catnav study: methods compared on a scene, as a table on the screen and as CSV and JSON. */
+/* catnav study: accuracy, stability and speed into a folder (by scripts/study), and methods compared on a
+ * scene. */
 #include "command.h"
 #include "catnav/study.h"
 #include "catnav/world.h"
 
+#include <errno.h>
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -105,50 +108,102 @@ done:
     return status;
 }
 
-static const struct {
-    const char *name, *summary;
-    int (*run)(int argc, char **argv);
-} studies[] = {
-    {"paper", "the first paper's method against the scene's own, from three states of a run", study_paper}};
-#define NSTUDY (sizeof studies / sizeof *studies)
+/* Where the Python program lies, seen from the folder of this executable: installed, or in a build folder of
+ * the sources; at last where the sources were when it was built. */
+static bool find_program(char *program, size_t size, char *self, size_t self_size)
+{
+    static const char *const places[] = {"../../share/catnav/scripts", "../../../../scripts"};
+    const ssize_t length = readlink("/proc/self/exe", self, self_size - 1);
+    if (length <= 0) return false;
+    self[length] = 0;
+    const int folder = (int)(strrchr(self, '/') - self);
+    for (size_t i = 0; i < sizeof places / sizeof *places; i++)
+        if (snprintf(program, size, "%.*s/%s/study/study.py", folder, self, places[i]) < (int)size &&
+            !access(program, R_OK))
+            return true;
+#ifdef CATNAV_SCRIPTS
+    if (!access(CATNAV_SCRIPTS "/study/study.py", R_OK))
+        return snprintf(program, size, "%s", CATNAV_SCRIPTS "/study/study.py") < (int)size;
+#endif
+    return false;
+}
+
+/* Everything into a folder: the program takes this process's place, so that signals and status are its own.
+ */
+static int study_all(int argc, char **argv)
+{
+    static char program[PATH_MAX], self[PATH_MAX], count[16];
+    const char *folder, *only = NULL;
+    int threads = command_threads(), n = 0;
+    bool quick = false;
+    const option_t options[] = {{"--quick", OPTION_FLAG, &quick},
+                                {"--only", OPTION_TEXT, &only},
+                                {"--threads", OPTION_COUNT, &threads},
+                                {0}};
+    const char *words[16];
+
+    if (!command_options(&command_study, argc, argv, options, "DIR", &folder)) return COMMAND_REFUSED;
+    if (!find_program(program, sizeof program, self, sizeof self)) {
+        fputs("catnav study: scripts/study/study.py is not where this command was built or installed\n",
+              stderr);
+        return COMMAND_FAILED;
+    }
+    snprintf(count, sizeof count, "%d", threads);
+    words[n++] = "python3", words[n++] = program;
+    words[n++] = "--catnav", words[n++] = self;
+    words[n++] = "--threads", words[n++] = count;
+    if (quick) words[n++] = "--quick";
+    if (only) words[n++] = "--only", words[n++] = only;
+    words[n++] = "--", words[n++] = folder;
+    words[n] = NULL;
+    execv("/usr/bin/python3", (char *const *)words);
+    fprintf(stderr, "catnav study: /usr/bin/python3: %s\n", strerror(errno));
+    return COMMAND_FAILED;
+}
 
 static int study_one(int argc, char **argv)
 {
-    for (size_t i = 0; argc > 0 && i < NSTUDY; i++)
-        if (!strcmp(argv[0], studies[i].name)) return studies[i].run(argc - 1, argv + 1);
-    if (argc > 0) fprintf(stderr, "catnav study: unknown study \"%s\"\n", argv[0]);
-    fputs("usage: catnav study STUDY SCENE.yaml [options]; see catnav study --help\nstudies:\n", stderr);
-    for (size_t i = 0; i < NSTUDY; i++)
-        fprintf(stderr, "    %-8s %s\n", studies[i].name, studies[i].summary);
+    if (argc > 0) return strcmp(argv[0], "paper") ? study_all(argc, argv) : study_paper(argc - 1, argv + 1);
+    fputs("usage: catnav study DIR [options], or catnav study paper SCENE.yaml [options];\n"
+          "see catnav study --help\n",
+          stderr);
     return COMMAND_REFUSED;
 }
 
 static const char help[] =
     "NAME\n"
-    "    catnav study - methods compared on a scene, by measurement\n\n"
+    "    catnav study - accuracy, stability and speed, measured\n\n"
     "SYNOPSIS\n"
+    "    catnav study DIR [--quick] [--only PART] [--threads N]\n"
     "    catnav study paper SCENE.yaml [--out DIR] [--set KEY=VALUE]... [--threads N] [--quiet]\n\n"
     "DESCRIPTION\n"
-    "    paper   Runs the scene by its own method to its end, then again; at 25, 50 and 90 % of its steps "
-    "both\n"
-    "            its own method and the first paper's go on for 200 steps from the same state, in turns.\n"
-    "            The paper's: contact.method project, solver.newton 1, solver.linear cg (to 1e-4, at most\n"
-    "            1000 iterations), on the same mesh, assembly and threads.\n\n"
-    "    The table, DIR/paper.csv and DIR/paper.json give for each state and method: steps taken, whether "
-    "the\n"
-    "    next one could not be computed; wall time of a step (solve, contact, recomputed residual) and its\n"
-    "    ratio to the own method's; residual of the step's equation, recomputed, over the largest force "
-    "norm;\n"
-    "    iterations of the linear solver, solves that did not converge and the worst |b - A x| / |b| among\n"
-    "    them; Newton iterations; crossing triangle pairs and points outside the free space, summed over "
-    "the\n"
-    "    steps; how far the tip is from the own method's at the end.\n\n"
+    "    DIR     Error against run time for every body model, solver, integrator and the first paper's\n"
+    "            method on problems with known answers; what happens under extreme stiffness, steps,\n"
+    "            elements, start states and units; step times beside the paper's, cost against size; what\n"
+    "            was left out and what that changed. Pictures as SVG and PNG, with CSV and JSON beside\n"
+    "            them, in every row the command that repeats it, and DIR/index.md to read it all.\n"
+    "            Takes up to half an hour. (A folder named paper is given as ./paper.)\n\n"
+    "    paper   Runs the scene by its own method to its end, then again; at 25, 50 and 90 % of its\n"
+    "            steps both its own method and the first paper's go on for 200 steps from the same state,\n"
+    "            in turns. The paper's: contact.method project, solver.newton 1, solver.linear cg (to\n"
+    "            1e-4, at most 1000 iterations), on the same mesh, assembly and threads.\n"
+    "            The table, DIR/paper.csv and DIR/paper.json give for each state and method: steps taken,\n"
+    "            whether the next one could not be computed; wall time of a step (solve, contact,\n"
+    "            recomputed residual) and its ratio to the own method's; residual of the step's equation,\n"
+    "            recomputed, over the largest force norm; iterations of the linear solver, solves that did\n"
+    "            not converge and the worst |b - A x| / |b| among them; Newton iterations; crossing\n"
+    "            triangle pairs and points outside the free space, summed over the steps; how far the tip\n"
+    "            is from the own method's at the end.\n\n"
     "OPTIONS\n"
-    "    --out DIR        where CSV and JSON go (default: build/study)\n"
-    "    --set KEY=VALUE  changes the scene before it is read, as in catnav run\n"
+    "    --quick          the same on fewer and smaller cases, in a minute\n"
+    "    --only PART      accuracy, stability, speed or left_out alone\n"
+    "    --out DIR        of paper: where CSV and JSON go (default: build/study)\n"
+    "    --set KEY=VALUE  of paper: changes the scene before it is read, as in catnav run\n"
     "    --threads N      worker threads (default: one a core)\n"
-    "    --quiet          prints errors only\n\n"
+    "    --quiet          of paper: prints errors only\n\n"
     "EXIT STATUS\n"
-    "    0 measured (a method that fails is a result), 1 refused, 2 infeasible, 4 failed, 130 interrupted\n";
+    "    0 measured (a method that fails is a result), 1 refused, 2 infeasible, 4 failed (also where a\n"
+    "    cell of the stability table is not finite, hangs or crashes), 130 interrupted\n";
 
-const command_t command_study = {"study", "compare methods on a scene by measurement", help, study_one};
+const command_t command_study = {
+    "study", "measure accuracy, stability and speed, or compare methods on a scene", help, study_one};

@@ -18,7 +18,7 @@ static const char page[] =
     "    catnav run SCENE.yaml [options]\n"
     "    catnav plan SCENE.yaml --out PATH.csv [options]\n"
     "    catnav check MESH [options]\n"
-    "    catnav study STUDY SCENE.yaml [options]\n"
+    "    catnav study DIR [options]\n"
     "    catnav --version | --help | help COMMAND\n\n"
     "DESCRIPTION\n"
     "    A scene file names the vessels, the device and the target; launch/scenes/all_keys.yaml explains "

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -43,14 +44,17 @@ class Study(unittest.TestCase):
         self.assertEqual(done.returncode, status, done.stdout + done.stderr)
         return done
 
-    def test_without_a_study_the_studies_are_listed(self):
-        for words in ([], ["fly"], ["fly", self.pipe]):
-            done = self.run_it(*words, status=1)
-            self.assertEqual(done.stdout, "")
-            self.assertIn("usage: catnav study STUDY SCENE.yaml", done.stderr)
-            self.assertIn("\n    paper ", done.stderr)
-        self.assertIn('"fly"', done.stderr)
-        self.assertIn("paper", self.run_it("--help").stdout)
+    def test_without_a_folder_the_usage_is_told(self):
+        done = self.run_it(status=1)
+        self.assertEqual(done.stdout, "")
+        self.assertIn("usage: catnav study DIR", done.stderr)
+        self.assertIn("study paper", done.stderr)
+        self.assertIn("catnav study paper SCENE.yaml", self.run_it("--help").stdout)
+
+    def test_a_folder_or_a_part_that_cannot_be_is_refused(self):
+        self.assertIn("too many", self.run_it("fly", self.pipe, status=1).stderr)
+        self.assertIn("pipe.yaml", self.run_it(self.pipe, "--quick", status=1).stderr)
+        self.assertIn("accuracy", self.run_it(self.path("o"), "--only", "beauty", status=1).stderr)
 
     def test_a_scene_that_cannot_be_studied_is_refused(self):
         self.assertIn("SCENE.yaml", self.run_it("paper", status=1).stderr)
@@ -83,6 +87,77 @@ class Study(unittest.TestCase):
     def test_the_folder_is_build_study_unless_said(self):
         self.run_it("paper", self.pipe, "--quiet")
         self.assertEqual(sorted(os.listdir(self.path("build/study"))), ["paper.csv", "paper.json"])
+
+
+class Everything(unittest.TestCase):
+    """One quick study, looked at from all sides."""
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.folder.cleanup)
+        cls.done = subprocess.run([CATNAV, "study", cls.folder.name, "--quick"], capture_output=True, text=True,
+                                  timeout=600)
+
+    def rows(self, name):
+        with open(os.path.join(self.folder.name, name + ".csv")) as file:
+            rows = list(csv.DictReader(file))
+        with open(os.path.join(self.folder.name, name + ".json")) as file:
+            same = json.load(file, parse_constant=lambda word: self.fail("not JSON: " + word))
+        self.assertEqual((len(rows), list(rows[0]) if rows else None), (len(same), list(same[0]) if same else None))
+        return same
+
+    def test_it_ends_well_and_leads_through_what_it_made(self):
+        self.assertEqual(self.done.returncode, 0, self.done.stderr)
+        with open(os.path.join(self.folder.name, "index.md")) as file:
+            page = file.read()
+        files = os.listdir(self.folder.name)
+        links = re.findall(r"\]\(([^)]+)\)", page)
+        self.assertGreater(len(links), 20)
+        for link in links:
+            self.assertIn(link, files)
+        for picture in [name[:-4] for name in files if name.endswith(".svg")]:
+            for ending in (".png", ".csv", ".json"):
+                self.assertGreater(os.path.getsize(os.path.join(self.folder.name, picture + ending)), 0)
+        for head in ("Error against run time", "Stability", "Speed", "What is left out"):
+            self.assertIn("## " + head, page)
+
+    def test_the_error_falls_with_finer_meshes_and_the_papers_method_is_there(self):
+        rows = self.rows("accuracy")
+        for problem in ("cantilever", "elastica", "own_weight", "twist"):
+            for model in {row["model"] for row in rows}:
+                errors = [row["error"] for row in rows if (row["problem"], row["model"], row["method"]) ==
+                          (problem, model, "own") and row["error"] is not None]
+                if model == "tet4":
+                    self.assertTrue(len(errors) > 2 and errors == sorted(errors, reverse=True), (problem, errors))
+                elif errors:
+                    self.assertLessEqual(errors[-1], max(errors[0], 1e-3), (problem, model, errors))
+            self.assertTrue(any(row["problem"] == problem and row["method"] == "paper" and
+                                row["error"] is not None for row in rows), problem)
+            self.assertTrue(any(row["problem"] == problem and row["pareto"] for row in rows), problem)
+
+    def test_a_row_is_repeated_by_its_command(self):
+        row = next(row for row in self.rows("accuracy") if row["problem"] == "elastica" and row["method"] == "own")
+        words = shlex.split(row["command"])
+        self.assertEqual(words[:2], ["catnav", "run"])
+        subprocess.run([CATNAV] + words[1:] + ["--quiet", "--report", "again.json"], cwd=self.folder.name, check=True)
+        with open(os.path.join(self.folder.name, "again.json")) as file:
+            again = json.load(file)
+        self.assertEqual((again["counts"]["dof"], again["solver"]["newton_max"]), (row["dof"], row["newton_max"]))
+
+    def test_no_cell_hangs_crashes_or_gives_a_number_that_is_not_finite(self):
+        rows = self.rows("stability")
+        self.assertEqual(self.rows("stability_failures"), [])
+        self.assertGreater(len(rows), 50)
+        self.assertEqual({row["result"] for row in rows} - {"recovered", "still deformed", "refused", "stopped"}, set())
+        self.assertGreater(sum(row["result"] == "recovered" for row in rows), len(rows) / 2)
+        self.assertTrue(all(row["message"] for row in rows if row["result"] in ("refused", "stopped")))
+
+    def test_speed_and_what_is_left_out_are_measured(self):
+        speed = self.rows("speed")
+        self.assertTrue({"own", "paper"} <= {row["method"] for row in speed if row["step_ms_median"]})
+        self.assertTrue(all(row["memory_mib"] > 0 for row in self.rows("cost") if row["status"] == "ran"))
+        self.assertEqual({row["what"] for row in self.rows("left_out")},
+                         {"self_contact", "refit", "refactor", "wall_solve", "inertia", "stress"})
 
 
 if __name__ == "__main__":

@@ -1,0 +1,121 @@
+"""Error against run time: each problem by every model, solver, integrator and the first paper's method."""
+import problems
+import tools
+from tools import PAPER
+
+COLUMNS = ["problem", "reference", "model", "method", "linear", "integrator", "resolution", "nodes", "dof", "dt",
+           "error", "step_ms_median", "step_ms_p95", "step_ms_max", "total_s", "total_s_min", "total_s_max", "runs",
+           "time_over_paper", "newton_max", "linear_max", "residual_max", "inverted_max", "status", "message",
+           "pareto", "command"]
+
+
+def ways(study, model, dynamic):
+    """(method, linear solver, integrator) worth a curve: the default; other solvers and integrators; the paper's,
+    which knows only linear tetrahedra."""
+    found = [("own", "auto", "euler")]
+    if not study.quick:
+        found += [("own", linear, "euler") for linear in study.linear if linear not in ("auto", "chain")]
+    if dynamic:
+        found += [("own", "auto", integrator) for integrator in study.integrators if integrator != "euler"]
+    if model == "tet4":
+        found.append(("paper", "cg", "euler"))
+    return found
+
+
+def one(study, problem, file, model, way, resolution, step, runs):
+    """One row: the median of `runs` timings."""
+    method, linear, integrator = way
+    settings = {"bodies.0.model": model, **resolution[1]}
+    if step:
+        settings["step"] = step
+    settings.update(PAPER if method == "paper" else {"solver.linear": linear} if linear != "auto" else {})
+    if integrator != "euler":
+        settings["solver.integrator"] = integrator
+    row = {"problem": problem.name, "reference": problem.answer, "model": model, "method": method, "linear": linear,
+           "integrator": integrator, "resolution": resolution[0], "dt": step}
+    done = []
+    while len(done) < runs:
+        outcome = study.run(file, settings, limit=problem.limit, points=problem.points)
+        done.append(outcome)
+        if outcome.solve_s is None or outcome.solve_s > 10:  # long enough to be a fair sample by itself
+            break
+    done = sorted(done, key=lambda outcome: outcome.solve_s or 0)
+    middle = done[len(done) // 2]
+    row.update(status=middle.status, message=middle.message, command=middle.command, runs=len(done))
+    if middle.report:
+        row.update(nodes=middle.figure("counts", "nodes"), dof=middle.figure("counts", "dof"),
+                   total_s=middle.solve_s, total_s_min=done[0].solve_s, total_s_max=done[-1].solve_s,
+                   **{"step_ms_" + key: middle.figure("time", "step_ms", key) for key in ("median", "p95", "max")},
+                   **{key: middle.figure("solver", key) for key in ("newton_max", "linear_max", "residual_max",
+                                                                    "inverted_max")})
+        if middle.status == "ran":
+            row["error"] = problem.error(middle, model)
+    return row
+
+
+def mark_pareto(rows):
+    """Marks the rows to which no other of the same problem is both faster and better."""
+    for row in rows:
+        row["pareto"] = row.get("error") is not None and not any(
+            other.get("error") is not None and other is not row and other["problem"] == row["problem"] and
+            other["error"] <= row["error"] and other["total_s"] <= row["total_s"] for other in rows)
+
+
+def over_paper(rows):
+    """Run time over the paper's method on the same mesh with the same step."""
+    def key(row):
+        return row["problem"], row["resolution"], row["dt"]
+    paper = {key(row): row.get("total_s") for row in rows if row["method"] == "paper"}
+    for row in rows:
+        theirs = paper.get(key(row))
+        if theirs and row.get("total_s") and row["model"] == "tet4":
+            row["time_over_paper"] = row["total_s"] / theirs
+
+
+def study_problem(study, problem):
+    rows = []
+    if isinstance(problem, problems.Swing) and not problem.converge(study):
+        return rows
+    file = study.write_scene(problem.name, problem.scene)
+    runs = 1 if study.quick else 3
+    dynamic = problem.steps[0] is not None
+    for model in study.models:
+        for way in ways(study, model, dynamic):
+            if way[1] not in ("auto",) + tuple(problem.solvers) and way[0] == "own":
+                continue
+            pairs = pairs_of(problem.settings(model, study.quick), problem.steps)
+            for resolution, step in pairs:
+                row = one(study, problem, file, model, way, resolution, step, runs)
+                rows.append(row)
+                if row["status"] == "refused" or row["status"] == "hang":  # finer ones would be no better
+                    break
+    over_paper(rows)
+    mark_pareto(rows)
+    return rows
+
+
+def pairs_of(resolutions, steps):
+    """Each mesh with the middle step, each step with the finest mesh but one: the arms of a cross."""
+    middle, mesh = steps[min(1, len(steps) - 1)], resolutions[max(0, len(resolutions) - 2)]
+    return [(resolution, middle) for resolution in resolutions] + \
+           [(mesh, step) for step in steps if step != middle]
+
+
+def run(study):
+    rows = []
+    for kind in (problems.Cantilever, problems.Elastica, problems.OwnWeight, problems.Twist, problems.Swing):
+        try:
+            problem = kind(study)
+        except (OSError, StopIteration, KeyError, ValueError) as error:
+            study.note("Problem `%s` is left out: its reference cannot be read (%s)" % (kind.__name__, error))
+            continue
+        found = study_problem(study, problem)
+        study.say("accuracy: %s, %d rows" % (problem.name, len(found)))
+        problem.rows = found
+        if found:
+            rows.append((problem, found))
+    if not study.quick:
+        found = problems.Liver(study)
+    tools_rows = [row for _, found in rows for row in found]
+    study.table("accuracy", tools_rows, COLUMNS)
+    return rows

@@ -1,0 +1,139 @@
+"""Pictures as SVG and PNG. A model has one colour and one line everywhere, a method one marker, so that a picture
+can be read without colours."""
+import os
+
+os.environ.setdefault("MPLCONFIGDIR", "/tmp")
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy
+from matplotlib.colors import ListedColormap
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+import stability
+
+plt.rcParams.update({"font.size": 9, "axes.titlesize": 10, "axes.grid": True, "grid.color": "0.88",
+                     "axes.axisbelow": True, "legend.frameon": False, "svg.hashsalt": "catnav",
+                     "savefig.bbox": "tight", "savefig.dpi": 150})
+
+COLOUR = {"tet4": "#0072b2", "tet10": "#d55e00", "rod": "#009e73"}
+LINE = {"tet4": "--", "tet10": "-.", "rod": "-"}
+MARKER = {"auto": "o", "cholesky": "s", "cg": "^", "pcg": "v", "chain": "D", "midpoint": "P", "trbdf2": "*"}
+PAPER_LOOK = {"color": "0.25", "linestyle": ":", "marker": "x"}
+
+
+def save(figure, study, name):
+    figure.savefig(study.path(name + ".svg"), metadata={"Date": None})
+    figure.savefig(study.path(name + ".png"))
+    plt.close(figure)
+
+
+def look(row):
+    """Line, marker and label of a row's series."""
+    if row["method"] == "paper":
+        return {**PAPER_LOOK, "label": "tet4, paper's method (one solve, CG)"}
+    extra = row["integrator"] if row["integrator"] != "euler" else row["linear"]
+    label = row["model"] + ("" if extra == "auto" else ", " + extra)
+    return {"color": COLOUR[row["model"]], "linestyle": LINE[row["model"]], "marker": MARKER.get(extra, "o"),
+            "label": label, "markersize": 5 if extra == "auto" else 4, "linewidth": 1.6 if extra == "auto" else 0.8}
+
+
+def error_against_time(study, problem, rows):
+    figure, axes = plt.subplots(figsize=(5.4, 4.0))
+    good = [row for row in rows if row.get("error") is not None and row.get("total_s")]
+    series = {}
+    for row in good:
+        series.setdefault((row["model"], row["method"], row["linear"], row["integrator"]), []).append(row)
+    for found in series.values():
+        style = look(found[0])
+        steps = {row["dt"] for row in found}
+        main = max(steps, key=lambda step: sum(row["dt"] == step for row in found))  # finer meshes at one step
+        line = [row for row in found if row["dt"] == main]
+        axes.plot([row["total_s"] for row in line], [row["error"] for row in line], **style)
+        rest = [row for row in found if row["dt"] != main]
+        axes.plot([row["total_s"] for row in rest], [row["error"] for row in rest],
+                  **{**style, "label": None, "linestyle": "none", "markerfacecolor": "white"})
+    front = sorted((row for row in good if row["pareto"]), key=lambda row: row["total_s"])
+    axes.plot([row["total_s"] for row in front], [row["error"] for row in front], color="0.75", linewidth=6,
+              alpha=0.6, zorder=0, solid_capstyle="round", label="Pareto front", marker="o", markersize=9)
+    axes.set(xscale="log", yscale="log", xlabel="time of all steps [s]", ylabel="relative error [-]",
+             title=problem.title)
+    handles, labels = axes.get_legend_handles_labels()
+    if any(row["dt"] is not None for row in good):
+        main = max({row["dt"] for row in good}, key=lambda step: sum(row["dt"] == step for row in good))
+        handles.append(Line2D([], [], color="0.4", marker="o", linestyle="none", markerfacecolor="white"))
+        labels.append("other steps than %g ms" % (1e3 * main))
+    axes.legend(handles, labels, loc="center left", bbox_to_anchor=(1.02, 0.5))
+    save(figure, study, "accuracy_" + problem.name)
+
+
+# Result -> grey level that orders them in print, colour, letter
+RESULT_LOOK = {"recovered": ("#e4f1e4", ""), "still deformed": ("#f4e3a1", "·"), "refused": ("#b5c7de", "R"),
+               "stopped": ("#e08a4f", "S"), "not finite": ("#8c1a1a", "N"), "hang": ("#5b0f4d", "H"),
+               "crash": ("#000000", "C")}
+
+
+def stability_map(study, model, rows):
+    """Levels against levels: the worst result over the solvers; the diagonal is a level alone."""
+    labels, owner = [], []
+    for factor, levels in stability.FACTORS.items():
+        labels += [level[0] for level in levels[1:]]
+        owner += [factor] * (len(levels) - 1)
+    place = {(factor, label): i for i, (factor, label) in enumerate(zip(owner, labels))}
+    grid = numpy.full((len(labels), len(labels)), numpy.nan)
+    for row in rows:
+        factors = [f for f in row["changed"].split(" + ") if f in stability.FACTORS]
+        if factors:
+            at = [place[f, row[f]] for f in factors]
+            i, j = max(at), min(at)
+            worst = stability.RESULTS.index(row["result"])
+            grid[i, j] = worst if numpy.isnan(grid[i, j]) else max(grid[i, j], worst)
+    figure, axes = plt.subplots(figsize=(9.5, 8.2))
+    colours = ListedColormap([RESULT_LOOK[result][0] for result in stability.RESULTS])
+    axes.imshow(grid, cmap=colours, vmin=-0.5, vmax=len(stability.RESULTS) - 0.5, aspect="equal")
+    for i, j in zip(*numpy.nonzero(~numpy.isnan(grid))):
+        result = stability.RESULTS[int(grid[i, j])]
+        axes.text(j, i, RESULT_LOOK[result][1], ha="center", va="center", fontsize=7,
+                  color="white" if result in stability.FAILURES else "black")
+    axes.set_xticks(range(len(labels)), labels, rotation=90)
+    axes.set_yticks(range(len(labels)), labels)
+    axes.grid(False)
+    for edge in range(len(labels) + 1):
+        new = edge in (0, len(labels)) or owner[edge] != owner[edge - 1]
+        axes.axhline(edge - 0.5, color="0.35" if new else "white", linewidth=0.9 if new else 0.6)
+        axes.axvline(edge - 0.5, color="0.35" if new else "white", linewidth=0.9 if new else 0.6)
+    for factor in stability.FACTORS:
+        at = [i for i, name in enumerate(owner) if name == factor]
+        axes.text(len(labels) - 0.3, sum(at) / len(at), factor, va="center", fontweight="bold")
+    axes.set_xlim(-0.5, len(labels) - 0.5)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    present = {result for result in stability.RESULTS if result in [row["result"] for row in rows]}
+    solvers = list(dict.fromkeys(row["linear"] for row in rows))
+    axes.set_title("%s: what happened, worst of %s\n(diagonal: one factor alone; below it: pairs)"
+                   % (model, ", ".join(solvers)), loc="left")
+    axes.legend(handles=[Patch(facecolor=RESULT_LOOK[r][0], edgecolor="0.4", label="%s %s" % (
+        RESULT_LOOK[r][1].strip("·") and "(%s)" % RESULT_LOOK[r][1], r)) for r in stability.RESULTS if r in present],
+        loc="upper right", frameon=True, facecolor="white", edgecolor="none", framealpha=1)
+    save(figure, study, "stability_" + model)
+
+
+def cost_against_size(study, rows, fits):
+    """Step time and memory against elements, log-log; `fits`: {(model, shape): (exponent of time, of memory)}."""
+    figure, both = plt.subplots(1, 2, figsize=(9.2, 3.8))
+    marker = {"grown by length": "o", "compact": "s"}
+    for axes, key, scale, label in ((both[0], "step_ms_median", 1, "median step [ms]"),
+                                    (both[1], "memory_mib", 1, "peak memory [MiB]")):
+        for (model, shape), exponents in fits.items():
+            line = [row for row in rows if row["model"] == model and row["shape"] == shape and row.get(key)]
+            power = exponents[0 if axes is both[0] else 1]
+            axes.plot([row["elements"] for row in line], [scale * row[key] for row in line],
+                      color=COLOUR[model], linestyle=LINE[model], marker=marker[shape], markersize=4,
+                      markerfacecolor=COLOUR[model] if shape != "compact" else "white",
+                      label="%s, %s" % (model, shape) + (": n^%.2f" % power if power else ""))
+        axes.set(xscale="log", yscale="log", xlabel="elements [-]", ylabel=label)
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=7.5, ncol=1)
+    figure.tight_layout()
+    save(figure, study, "cost")

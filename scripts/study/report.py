@@ -1,0 +1,188 @@
+"""index.md: what was run, what came out, how to repeat each row."""
+import collections
+import os
+import platform
+import time
+
+import stability
+
+
+def number(value, form="%.3g"):
+    return "-" if value is None else form % value
+
+
+def percent(value):
+    if value is None:
+        return "-"
+    return "%.2g %%" % (100 * value) if abs(value) < 0.995 else "%.0f %%" % (100 * value)
+
+
+def duration(seconds):
+    if seconds is None:
+        return "-"
+    for scale, unit in ((1, "s"), (1e-3, "ms"), (1e-6, "us")):
+        if seconds >= scale:
+            return "%.3g %s" % (seconds / scale, unit)
+    return "%.3g us" % (1e6 * seconds)
+
+
+def table(head, rows):
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return lines + ["| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in rows] + [""]
+
+
+def cpu():
+    try:
+        with open("/proc/cpuinfo") as file:
+            return next(line.split(":")[1].strip() for line in file if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.machine()
+
+
+def picture(name, text):
+    return ["![%s](%s.png)" % (text, name), "", "[SVG](%s.svg), [CSV](%s.csv), [JSON](%s.json)" % (name, name, name),
+            ""]
+
+
+def accuracy_part(study, parts):
+    lines = ["## Error against run time", "",
+             "Each point is one run, at the median of %s. The line of a model leads from coarse to fine meshes. "
+             "The broad grey line is the Pareto front: no run is both faster and better. *Paper's method* is the "
+             "first paper's: linear tetrahedra, one solve of the frozen rotation a step, block-Jacobi CG to 1e-4 "
+             "with at most 1,000 iterations." % ("one timing" if study.quick else "three timings"), ""]
+    for problem, rows in parts:
+        lines += ["### " + problem.title, "", "Reference: %s." % problem.answer, ""]
+        lines += picture("accuracy_" + problem.name, problem.title)
+        series = collections.OrderedDict()
+        for row in rows:
+            series.setdefault((row["model"], row["method"], row["linear"], row["integrator"]), []).append(row)
+        body = []
+        for (model, method, linear, integrator), found in series.items():
+            good = [row for row in found if row.get("error") is not None]
+            if not good:
+                body.append([model, method, linear, integrator, "-", "-", "-", "-", found[0]["message"] or
+                             found[0]["status"]])
+                continue
+            best = min(good, key=lambda row: row["error"])
+            close = [row for row in good if row["error"] <= 0.05]
+            quick = min(close, key=lambda row: row["total_s"]) if close else None
+            body.append([model, method, linear, integrator, percent(best["error"]),
+                         "%s%s" % (best["resolution"], ", %g ms steps" % (1e3 * best["dt"]) if best["dt"] else ""),
+                         duration(best["total_s"]), number(best["residual_max"], "%.1e"),
+                         duration(quick["total_s"]) if quick else "not reached"])
+        lines += table(["model", "method", "linear", "integrator", "least error", "at", "time", "residual",
+                        "time to 5 %"], body)
+    return lines
+
+
+def stability_part(study, rows):
+    lines = ["## Stability", "",
+             "A small free body of at most 500 elements is pulled at its ends for the first half of a run of at "
+             "most %d steps or %g s, then left alone: it should find back to its rest shape. Each factor is "
+             "taken to its extremes alone, and in all pairs%s. What happened:"
+             % (stability.STEPS, stability.SIMULATED, ", of which the quick study takes every twentieth"
+                if study.quick else ""), ""]
+    lines += ["- *%s*: %s" % (result, stability.TEXT[result]) for result in stability.RESULTS] + [""]
+    counts = collections.OrderedDict()
+    for row in rows:
+        counts.setdefault((row["model"], row["linear"]), collections.Counter())[row["result"]] += 1
+    lines += table(["model", "linear"] + list(stability.RESULTS) + ["all"],
+                   [list(key) + [found[r] for r in stability.RESULTS] + [sum(found.values())]
+                    for key, found in counts.items()])
+    failed = [row for row in rows if row["result"] in stability.FAILURES]
+    lines += ["**%s**" % ("%d cells failed (not finite, hang or crash): [list](stability_failures.csv)" % len(failed)
+                          if failed else "No cell gave a number that is not finite, hung or crashed."), ""]
+    for model in dict.fromkeys(row["model"] for row in rows):
+        lines += ["![%s](stability_%s.png)" % (model, model), ""]
+    lines += ["[SVG: %s], [CSV](stability.csv), [JSON](stability.json)" % ", ".join(
+        "[%s](stability_%s.svg)" % (m, m) for m in dict.fromkeys(row["model"] for row in rows)), "",
+        "Reasons given where a run was refused or stopped:", ""]
+    reasons = collections.OrderedDict()
+    for row in rows:
+        if row["result"] in ("refused", "stopped"):
+            reasons.setdefault((row["result"], reason(row["message"])), []).append(row)
+    lines += table(["result", "reason", "cells", "such as"],
+                   [[result, text, len(found), "%s %s: %s" % (found[0]["model"], found[0]["linear"], levels(found[0]))]
+                    for (result, text), found in sorted(reasons.items(), key=lambda item: -len(item[1]))[:15]])
+    return lines
+
+
+def reason(message):
+    """A message without the numbers that differ from cell to cell."""
+    words = message.split(": ", 1)[-1] if message.startswith("scenes/") else message
+    return " ".join("#" if any(c.isdigit() for c in word) else word for word in words.split())[:160]
+
+
+def levels(row):
+    names = [f for f in row["changed"].split(" + ") if f in stability.FACTORS]
+    return ", ".join("%s %s" % (name, row[name]) for name in names) or row["changed"]
+
+
+def speed_part(study, rows, sizes, fits):
+    lines = ["## Speed", "",
+             "Median and 95 %% step times in one sitting, %d threads. *Own* is the default method: every step is "
+             "solved to the tolerance. Where both methods stand, they went on in turns from the same three "
+             "states of one run, 200 steps each (`catnav study paper`); ratios for whole runs are therefore "
+             "extrapolated from these steps." % study.threads, ""]
+    lines += table(["case", "model", "method", "median [ms]", "95 % [ms]", "residual, median", "largest",
+                    "paper's time over it"],
+                   [[row["case"], row["model"], row["method"], number(row.get("step_ms_median")),
+                     number(row.get("step_ms_p95")), number(row.get("residual"), "%.1e"),
+                     number(row.get("residual_max"), "%.1e"), number(row.get("paper_over_own"), "%.3g x")
+                     if row["status"] == "ran" else row.get("message") or row["status"]] for row in rows])
+    lines += ["[CSV](speed.csv), [JSON](speed.json)", "", "### Cost against size", "",
+              "A clamped body under its weight, 10 ms steps, grown by length (a beam of 4 x 4 cells) or compact "
+              "(a cube); exponents are least-squares slopes, memory counted above the smallest body's.", ""]
+    lines += picture("cost", "step time and memory against elements")
+    lines += table(["model", "shape", "time grows as", "memory grows as", "largest body", "its step [ms]",
+                    "its memory [MiB]"], [cost_row(key, exponents, sizes) for key, exponents in fits.items()])
+    stopped = [row for row in sizes if row["status"] != "ran"]
+    if stopped:
+        lines += ["Sizes that were not timed: " + "; ".join("%s %s: `%s`: %s" % (
+            row["model"], row["shape"], row["command"], row["message"]) for row in stopped), ""]
+    return lines
+
+
+def cost_row(key, exponents, sizes):
+    done = [row for row in sizes if (row["model"], row["shape"]) == key and row["status"] == "ran"]
+    last = done[-1] if done else {}
+    return [*key, number(exponents[0], "n^%.2f"), number(exponents[1], "n^%.2f"), last.get("elements", "-"),
+            number(last.get("step_ms_median")), number(last.get("memory_mib"), "%.0f")]
+
+
+def left_out_part(rows):
+    lines = ["## What is left out", "",
+             "Every entry of `leave_out` forced on (left out) and off (done) on two scenes: a wire drawn through a "
+             "bent tube, and a catheter let go. The difference is the largest distance between nodes at the end "
+             "over the body's size.", ""]
+    lines += table(["entry", "scene", "model", "difference", "time left out", "time done", "saved"],
+                   [[row["what"], row["scene"], row["model"],
+                     number(row.get("difference"), "%.1e") if row.get("difference") is not None
+                     else row.get("message") or "%s / %s" % (row["status_on"], row["status_off"]),
+                     duration(row["time_on_s"]), duration(row["time_off_s"]),
+                     percent(row["time_saved_s"] / row["time_off_s"]) if row.get("time_saved_s") is not None
+                     else "-"] for row in rows])
+    return lines + ["[CSV](left_out.csv), [JSON](left_out.json)", ""]
+
+
+def write(study, parts):
+    lines = ["# catnav study", "",
+             "%s study of %s on %s, %d threads, %s; %.0f s in all, %d runs."
+             % ("Quick" if study.quick else "Full", study.version, cpu(), study.threads,
+                time.strftime("%Y-%m-%d"), time.monotonic() - study.begun, study.commands), "",
+             "Every row of every table carries the command that repeats it, to be given in this folder "
+             "(`scenes/` holds the scenes): column `command`. All units are SI unless a head says otherwise. "
+             "The whole is made anew by `catnav study DIR%s`; times are this machine's, so compare ratios."
+             % (" --quick" if study.quick else ""), ""]
+    if "accuracy" in parts:
+        lines += accuracy_part(study, parts["accuracy"])
+    if "stability" in parts:
+        lines += stability_part(study, parts["stability"])
+    if "speed" in parts:
+        lines += speed_part(study, *parts["speed"])
+    if "left_out" in parts:
+        lines += left_out_part(parts["left_out"])
+    if study.notes:
+        lines += ["## Not run", ""] + ["- " + note for note in study.notes] + [""]
+    with open(os.path.join(study.folder, "index.md"), "w") as file:
+        file.write("\n".join(lines))

@@ -1,0 +1,68 @@
+#!/usr/bin/python3
+"""catnav study DIR: error against run time, stability, speed, and what was left out, measured: tables, pictures
+and one index.md in a folder. The command `catnav study` starts it and says where it is itself."""
+import argparse
+import os
+import sys
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import accuracy
+import left_out
+import plots
+import report
+import speed
+import stability
+import tools
+
+PARTS = ("accuracy", "stability", "speed", "left_out")
+HERE = os.path.dirname(os.path.abspath(__file__))
+
+
+def words():
+    parser = argparse.ArgumentParser(prog="catnav study", description=__doc__)
+    parser.add_argument("folder", metavar="DIR")
+    parser.add_argument("--quick", action="store_true", help="the same on fewer and smaller cases, in a minute")
+    parser.add_argument("--only", help=", ".join(PARTS) + ": this part alone")
+    parser.add_argument("--threads", type=int, default=os.cpu_count() or 2, help="of the timed runs")
+    parser.add_argument("--catnav", default="catnav", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.only not in (None,) + PARTS:
+        sys.exit("catnav study: --only takes one of %s, not %s" % (", ".join(PARTS), given.only))
+    return given
+
+
+def main():
+    given = words()
+    reference = os.environ.get("CATNAV_REFERENCE",
+                               os.path.join(HERE, "..", "..", "test", "data", "reference"))
+    try:
+        study = tools.Study(given.folder, os.path.abspath(given.catnav), given.quick, given.threads,
+                            os.path.abspath(reference))
+    except OSError as error:
+        print("catnav study: %s" % error, file=sys.stderr)
+        return 1
+    parts = {}
+    for name in PARTS:
+        if given.only in (None, name):
+            parts[name] = globals()[name].run(study)
+    for problem, rows in parts.get("accuracy", []):
+        study.table("accuracy_" + problem.name, rows, accuracy.COLUMNS)
+        plots.error_against_time(study, problem, rows)
+    for model in dict.fromkeys(row["model"] for row in parts.get("stability", [])):
+        rows = [row for row in parts["stability"] if row["model"] == model]
+        study.table("stability_" + model, rows)
+        plots.stability_map(study, model, rows)
+    if "speed" in parts:
+        plots.cost_against_size(study, *parts["speed"][1:])
+    report.write(study, parts)
+    study.say("%s/index.md" % given.folder)
+    failed = [row for row in parts.get("stability", []) if row["result"] in stability.FAILURES]
+    return 4 if failed else 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)
