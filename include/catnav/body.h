@@ -168,16 +168,18 @@ void cn_body_element_centre(const cn_body *body, const double *x, int element, d
 
 /* Bending, torsion and axial stiffness of the mesh over beam theory of the true section, minus one (of the
  * two bending directions the one further off; a catheter's core, which the mesh does not have, belongs to the
- * truth). Made by static solves on a clamped piece of the chain, about 1 ms for a catheter; NAN where it is
- * no beam. A beam of many cells is solved coarser and its error scaled with the square of the cell.
- * `polygon_*`: the part of it that the polygonal section alone would give with exact elements (torsion: NAN
- * for a hollow one). */
+ * truth). Made by static solves on a clamped piece of the chain, a few ms for a catheter; NAN where it is
+ * no beam. A beam of many cells is solved coarser and its error scaled with the square of the cell (tet10:
+ * the fourth power). A rod has its section by construction: zeros. `polygon_*`: the part of it that the
+ * polygonal section alone would give with exact elements (torsion: NAN for a hollow one). */
 typedef struct {
     double bending, torsion, axial;
     double polygon_bending, polygon_torsion, polygon_axial;
 } cn_beam_error;
-cn_status cn_beam_error_catheter(const cn_shape *shape, const cn_material *material, cn_beam_error *out);
-cn_status cn_beam_error_beam(const cn_shape *shape, const cn_material *material, cn_beam_error *out);
+cn_status cn_beam_error_catheter(const cn_shape *shape, const cn_material *material, cn_body_model model,
+                                 cn_beam_error *out);
+cn_status cn_beam_error_beam(const cn_shape *shape, const cn_material *material, cn_body_model model,
+                             cn_beam_error *out);
 
 #ifdef __cplusplus
 }

@@ -8,7 +8,6 @@
 #include "catnav/vec3.h"
 #include "body_beam.h"
 #include "body_face.h"
-#include "rod.h"
 #include "solve.h"
 
 static const double pi = 3.14159265358979323846;
@@ -282,7 +281,18 @@ cn_status cn_beam_stiffness(const cn_tets *mesh, int nsection, int axis, const c
     return status;
 }
 
-/* `truth`: of the true section; torsion_ratio: J over the polar moment of the meshed one. */
+/* Stiffness of the shape's own section, a catheter's core included. */
+static cn_status truth_of(const cn_shape *shape, const cn_material *material, double truth[CN_BEAM_LOADS])
+{
+    cn_section s;
+    const cn_status status = cn_section_of(&s, shape, material, material->young, NULL);
+    if (status != CN_OK) return status;
+    truth[CN_BEAM_AXIAL] = s.axial, truth[CN_BEAM_TORSION] = s.torsion;
+    truth[CN_BEAM_BENDING_U] = s.bending[1], truth[CN_BEAM_BENDING_V] = s.bending[0]; /* n is u */
+    return CN_OK;
+}
+
+/* torsion_ratio: J over the polar moment of the meshed section. */
 static cn_status beam_error(const cn_tets *mesh, int nsection, int axis, const cn_material *m,
                             const double truth[CN_BEAM_LOADS], double torsion_ratio, cn_beam_error *out)
 {
@@ -298,59 +308,78 @@ static cn_status beam_error(const cn_tets *mesh, int nsection, int axis, const c
     return CN_OK;
 }
 
-cn_status cn_beam_error_catheter(const cn_shape *shape, const cn_material *material, cn_beam_error *out)
+cn_status cn_beam_error_catheter(const cn_shape *shape, const cn_material *material, cn_body_model model,
+                                 cn_beam_error *out)
 {
     cn_tets *mesh = NULL;
-    const double d = shape->catheter.diameter, inner = shape->catheter.inner_diameter, e = material->young;
-    *out = (cn_beam_error){NAN, NAN, NAN, NAN, NAN, NAN};
+    const double d = shape->catheter.diameter, inner = shape->catheter.inner_diameter;
     const int stations = shape->catheter.stations, sides = shape->catheter.sides;
     const double spacing = shape->catheter.length / (stations - 1);
+    const bool second = model == CN_BODY_TET10;
+    double truth[CN_BEAM_LOADS];
+    *out = (cn_beam_error){0};
+    if (model == CN_BODY_ROD) return CN_OK;
+    *out = (cn_beam_error){NAN, NAN, NAN, NAN, NAN, NAN};
     if (stations < 8 || !(shape->catheter.length >= 3 * d)) return CN_OK;
-    const int n = sections_of(d, spacing, 41, stations);
-    cn_status status = cn_tets_catheter(&mesh, spacing * (n - 1), d, inner, n, sides, NULL);
+    cn_status status = truth_of(shape, material, truth);
+    if (status != CN_OK) return status;
+    const int n = sections_of(d, spacing, second ? 21 : 41, stations);
+    status =
+        (second ? cn_tets_catheter10 : cn_tets_catheter)(&mesh, spacing * (n - 1), d, inner, n, sides, NULL);
     if (status != CN_OK) return status;
 
-    const double area = pi / 4 * (d * d - inner * inner), moment = pi / 64 * (pow(d, 4) - pow(inner, 4));
-    double axial = e * area, bending = e * moment, torsion = e / (1 + material->poisson) * moment;
-    if (shape->catheter.has_core) { /* of the true device, by sum */
-        const double c = shape->catheter.core_diameter, young = shape->catheter.core_young;
-        const double core = pi / 64 * pow(c, 4);
-        axial += young * pi / 4 * c * c, bending += young * core;
-        torsion += young / (1 + shape->catheter.core_poisson) * core;
-    }
-    const double truth[CN_BEAM_LOADS] = {axial, bending, bending, torsion};
-    status = beam_error(mesh, n, 2, material, truth, inner > 0 ? NAN : polygon_torsion(sides), out);
+    status = beam_error(mesh, second ? 2 * n - 1 : n, 2, material, truth,
+                        inner > 0 ? NAN : polygon_torsion(sides), out);
     cn_tets_free(mesh);
     return status;
 }
 
-cn_status cn_beam_error_beam(const cn_shape *shape, const cn_material *material, cn_beam_error *out)
+/* The mesh of a beam's piece; second: of second-order tetrahedra. */
+static cn_status beam_mesh(cn_tets **out, const double size[3], const int cells[3], bool second)
+{
+    cn_tets *linear = NULL;
+    cn_status status = cn_tets_beam(&linear, size, cells, NULL);
+    *out = linear;
+    if (status != CN_OK || !second) return status;
+    status = cn_tets_raise(out, linear);
+    cn_tets_free(linear);
+    return status;
+}
+
+cn_status cn_beam_error_beam(const cn_shape *shape, const cn_material *material, cn_body_model model,
+                             cn_beam_error *out)
 {
     cn_tets *mesh = NULL;
-    const double *size = shape->beam.size, depth = fmax(size[1], size[2]), e = material->young;
+    const double *size = shape->beam.size, depth = fmax(size[1], size[2]);
+    const bool second = model == CN_BODY_TET10;
+    const int order = second ? 2 : 1; /* sections a cell */
+    double truth[CN_BEAM_LOADS];
+    *out = (cn_beam_error){0};
+    if (model == CN_BODY_ROD) return CN_OK;
     *out = (cn_beam_error){NAN, NAN, NAN, NAN, NAN, NAN};
     int cells[3] = {shape->beam.cells[0], shape->beam.cells[1], shape->beam.cells[2]};
     if (cells[0] < 7 || !(size[0] >= 3 * depth)) return CN_OK;
+    cn_status status = truth_of(shape, material, truth);
+    if (status != CN_OK) return status;
 
-    /* a piece of a fine mesh is solved coarser: the error falls with the square of the cell */
+    /* a piece of a fine mesh is solved coarser: the error falls with the square of the cell, of second-order
+     * tetrahedra with its fourth power */
     int n = sections_of(depth, size[0] / cells[0], 17, cells[0] + 1);
     double finer = 1;
-    while ((double)n * (cells[1] + 1) * (cells[2] + 1) > NODES_MAX && cells[1] + cells[2] > 8) {
+    while ((double)n * order * (order * cells[1] + 1) * (order * cells[2] + 1) > NODES_MAX &&
+           cells[1] + cells[2] > 8 / order) {
         for (int k = 0; k < 3; k++)
             cells[k] = (cells[k] + 1) / 2;
         n = sections_of(depth, size[0] / cells[0], 17, cells[0] + 1);
-        finer /= 4;
+        finer /= second ? 16 : 4;
     }
     const int part[3] = {n - 1, cells[1], cells[2]};
     const double piece_size[3] = {size[0] / cells[0] * (n - 1), size[1], size[2]};
-    cn_status status = cn_tets_beam(&mesh, piece_size, part, NULL);
-    if (status != CN_OK) return status;
-
-    const double area = size[1] * size[2], polar = area * (size[1] * size[1] + size[2] * size[2]) / 12;
-    const double j = cn_rectangle_torsion(size[1], size[2]), shear = e / (2 * (1 + material->poisson));
-    const double truth[CN_BEAM_LOADS] = {e * area, e * area * size[1] * size[1] / 12,
-                                         e * area * size[2] * size[2] / 12, shear * j};
-    status = beam_error(mesh, n, 0, material, truth, j / polar, out);
+    if ((status = beam_mesh(&mesh, piece_size, part, second)) != CN_OK) return status;
+    const double shear = material->young / (2 * (1 + material->poisson));
+    const double polar = size[1] * size[2] * (size[1] * size[1] + size[2] * size[2]) / 12;
+    status = beam_error(mesh, order * (n - 1) + 1, 0, material, truth,
+                        truth[CN_BEAM_TORSION] / (shear * polar), out);
     out->bending *= finer, out->torsion *= finer, out->axial *= finer;
     cn_tets_free(mesh);
     return status;

@@ -8,6 +8,7 @@
 #include "catnav/vec3.h"
 #include "mesh_parts.h"
 
+static const double two_pi = 6.28318530717958647692;
 static const int edge_of[6][2] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
 
 /* Edges of all tetrahedra, sorted (ntet x 6; item = 6 * tetrahedron + edge), and how many there are. */
@@ -33,79 +34,25 @@ static cn_status sorted_edges(const cn_tets *mesh, cn_facet **out, int *nedge)
     return CN_OK;
 }
 
-/* A mesh with as many tetrahedra as the linear one, which has nedge edges; its nodes stay to be placed. */
-static cn_status raised_new(cn_tets **out, const cn_tets *linear, int nedge)
+/* Raises a mesh of so many stations, each with as many nodes in a row, whose edges join one or two
+ * neighbours: its nodes lie section by section, `per` in each, stations and between them what their edges
+ * have amid. Of one station: corners first, edges behind them. */
+static cn_status raise(cn_tets **out, const cn_tets *linear, int stations, int per)
 {
-    cn_tets *mesh;
-    const cn_status status = nedge <= INT_MAX - linear->nnode
-                                 ? cn_tets_new(&mesh, linear->nnode + nedge, linear->ntet)
-                                 : CN_ERR_ARG;
-
-    if (status != CN_OK) return status;
-    if (!(mesh->mid = cn_array((size_t)linear->ntet, 6 * sizeof *mesh->mid))) {
-        cn_tets_free(mesh);
-        return CN_ERR_MEMORY;
-    }
-    *out = mesh;
-    return CN_OK;
-}
-
-cn_status cn_tets_raise(cn_tets **out, const cn_tets *linear)
-{
+    const int few = linear->nnode / stations;
     cn_facet *edge = NULL;
     cn_tets *mesh = NULL;
-    int nedge = 0;
-    cn_status status;
-
-    *out = NULL;
-    if (linear->mid) return CN_ERR_ARG;
-    if ((status = sorted_edges(linear, &edge, &nedge)) != CN_OK) return status;
-    if ((status = raised_new(&mesh, linear, nedge)) != CN_OK) goto done;
-    memcpy(mesh->node, linear->node, 3 * (size_t)linear->nnode * sizeof *mesh->node);
-    memcpy(mesh->tet, linear->tet, 4 * (size_t)linear->ntet * sizeof *mesh->tet);
-    for (int i = 0, j, node = linear->nnode; i < 6 * linear->ntet; i = j, node++) {
-        const double *a = linear->node + 3 * (size_t)edge[i].key[0],
-                     *b = linear->node + 3 * (size_t)edge[i].key[1];
-        for (int k = 0; k < 3; k++) /* halves first: their sum may overflow */
-            mesh->node[3 * (size_t)node + (size_t)k] = 0.5 * a[k] + 0.5 * b[k];
-        j = cn_facet_run(6 * linear->ntet, edge, i);
-        for (int m = i; m < j; m++)
-            mesh->mid[edge[m].item] = node;
-    }
-    *out = mesh;
-done:
-    free(edge);
-    return status;
-}
-
-/* Amid a and b at the mean of their radii, angles (about z) and z. */
-static void place_amid(const double *a, const double *b, double *x)
-{
-    const double ra = hypot(a[0], a[1]), rb = hypot(b[0], b[1]);
-    double d[2] = {0, 0};
-    for (int k = 0; k < 2; k++)
-        d[k] = (ra > 0 ? a[k] / ra : 0) + (rb > 0 ? b[k] / rb : 0);
-    const double length = hypot(d[0], d[1]), r = 0.5 * (ra + rb);
-    x[0] = length > 0 ? r * d[0] / length : 0;
-    x[1] = length > 0 ? r * d[1] / length : 0;
-    x[2] = 0.5 * (a[2] + b[2]);
-}
-
-cn_status cn_tets_catheter10(cn_tets **out, double length, double diameter, double inner_diameter,
-                             int stations, int sides, cn_error *error)
-{
-    cn_tets *linear = NULL, *mesh = NULL;
-    cn_facet *edge = NULL;
     int nedge = 0, *next = NULL;
-    cn_status status = cn_tets_catheter(&linear, length, diameter, inner_diameter, stations, sides, error);
+    cn_status status = sorted_edges(linear, &edge, &nedge);
 
     *out = NULL;
     if (status != CN_OK) return status;
-    const int few = linear->nnode / stations, per = inner_diameter > 0 ? 6 * sides : 3 * sides + 1;
-    if ((status = sorted_edges(linear, &edge, &nedge)) != CN_OK) goto done;
-    if ((status = raised_new(&mesh, linear, nedge)) != CN_OK) goto done;
     status = CN_ERR_MEMORY;
-    if (!(next = cn_array((size_t)(2 * stations - 1), sizeof *next))) goto done;
+    if (nedge > INT_MAX - linear->nnode || !(next = cn_array((size_t)(2 * stations - 1), sizeof *next)))
+        goto done;
+    if ((status = cn_tets_new(&mesh, linear->nnode + nedge, linear->ntet)) != CN_OK) goto done;
+    status = CN_ERR_MEMORY;
+    if (!(mesh->mid = cn_array((size_t)linear->ntet, 6 * sizeof *mesh->mid))) goto done;
     for (int s = 0; s < 2 * stations - 1; s++)
         next[s] = s * per + (s % 2 ? 0 : few);
     for (int i = 0; i < linear->nnode; i++)
@@ -114,8 +61,9 @@ cn_status cn_tets_catheter10(cn_tets **out, double length, double diameter, doub
         mesh->tet[i] = linear->tet[i] / few * 2 * per + linear->tet[i] % few;
     for (int i = 0, j; i < 6 * linear->ntet; i = j) {
         const int *key = edge[i].key, node = next[key[0] / few + key[1] / few]++;
-        place_amid(linear->node + 3 * (size_t)key[0], linear->node + 3 * (size_t)key[1],
-                   mesh->node + 3 * (size_t)node);
+        const double *a = linear->node + 3 * (size_t)key[0], *b = linear->node + 3 * (size_t)key[1];
+        for (int k = 0; k < 3; k++) /* halves first: their sum may overflow */
+            mesh->node[3 * (size_t)node + (size_t)k] = 0.5 * a[k] + 0.5 * b[k];
         j = cn_facet_run(6 * linear->ntet, edge, i);
         for (int m = i; m < j; m++)
             mesh->mid[edge[m].item] = node;
@@ -124,11 +72,34 @@ cn_status cn_tets_catheter10(cn_tets **out, double length, double diameter, doub
 done:
     free(edge);
     free(next);
-    cn_tets_free(linear);
-    if (status != CN_OK) {
+    if (status != CN_OK)
         cn_tets_free(mesh);
-        return cn_fail(error, status, NULL, 0, "out of memory for a catheter of %d stations", stations);
-    }
-    *out = mesh;
-    return CN_OK;
+    else
+        *out = mesh;
+    return status;
+}
+
+cn_status cn_tets_raise(cn_tets **out, const cn_tets *linear)
+{
+    *out = NULL;
+    return linear->mid ? CN_ERR_ARG : raise(out, linear, 1, 0);
+}
+
+cn_status cn_tets_catheter10(cn_tets **out, double length, double diameter, double inner_diameter,
+                             int stations, int sides, cn_error *error)
+{
+    cn_tets *linear = NULL;
+    cn_status status = cn_tets_catheter(&linear, length, diameter, inner_diameter, stations, sides, error);
+
+    *out = NULL;
+    if (status != CN_OK) return status;
+    /* I of a regular polygon: sides r^4 sin a (2 + cos a) / 24 */
+    const double angle = two_pi / sides,
+                 wider = pow(3 * two_pi / (sides * sin(angle) * (2 + cos(angle))), 0.25);
+    for (int i = 0; i < 3 * linear->nnode; i++)
+        if (i % 3 < 2) linear->node[i] *= wider;
+    status = raise(out, linear, stations, inner_diameter > 0 ? 6 * sides : 3 * sides + 1);
+    cn_tets_free(linear);
+    if (status == CN_OK) return CN_OK;
+    return cn_fail(error, status, NULL, 0, "out of memory for a catheter of %d stations", stations);
 }

@@ -134,7 +134,7 @@ static double bending_of(const cn_body_spec *spec)
     double ei = section.bending[0];
     /* the drive must bend a mesh as it is, with the stiffness that its elements add */
     if (spec->model != CN_BODY_ROD &&
-        cn_beam_error_catheter(&spec->shape, &spec->material, &error) == CN_OK &&
+        cn_beam_error_catheter(&spec->shape, &spec->material, spec->model, &error) == CN_OK &&
         error.bending > -1)
         ei *= 1 + error.bending;
     return section.line_mass > 0 ? ei / section.line_mass : 0;

@@ -166,9 +166,9 @@ static void body_figures(cn_run_data *run, int b, cn_body_report *out)
                                       body->point, model->size);
     cn_beam_error e = {NAN, NAN, NAN, NAN, NAN, NAN};
     if (run->spec[b].shape.kind == CN_SHAPE_CATHETER)
-        cn_beam_error_catheter(&run->spec[b].shape, &run->spec[b].material, &e);
+        cn_beam_error_catheter(&run->spec[b].shape, &run->spec[b].material, body->model, &e);
     if (run->spec[b].shape.kind == CN_SHAPE_BEAM)
-        cn_beam_error_beam(&run->spec[b].shape, &run->spec[b].material, &e);
+        cn_beam_error_beam(&run->spec[b].shape, &run->spec[b].material, body->model, &e);
     out->error_bending = e.bending, out->error_torsion = e.torsion, out->error_axial = e.axial;
     out->polygon_bending = e.polygon_bending, out->polygon_torsion = e.polygon_torsion,
     out->polygon_axial = e.polygon_axial;
