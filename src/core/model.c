@@ -175,11 +175,9 @@ static cn_status build_rod(cn_model_body *out, const cn_tets *skin, cn_error *er
     if (status == CN_OK)
         status = cn_body_new_rod(&out->body, n, axis, catheter ? out->normal : normal, section, skin, NULL,
                                  material, error);
-    if (status == CN_OK && catheter) {
-        out->per_station = out->per_section = 1;
-        for (int i = 0; i < n; i++)
-            out->behind[i] = length * ((double)i / (n - 1)), out->offset[2 * i] = out->offset[2 * i + 1] = 0;
-    }
+    if (status == CN_OK) out->per_station = out->per_section = 1;
+    for (int i = 0; status == CN_OK && catheter && i < n; i++)
+        out->behind[i] = length * ((double)i / (n - 1)), out->offset[2 * i] = out->offset[2 * i + 1] = 0;
     free(axis), free(section);
     return status;
 }
