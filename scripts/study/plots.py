@@ -40,6 +40,13 @@ def look(row):
             "label": label, "markersize": 5 if extra == "auto" else 4, "linewidth": 1.6 if extra == "auto" else 0.8}
 
 
+LEAST = 1e-6  # errors below are shown here: round-off, or the reference's own last digits
+
+
+def shown(row):
+    return max(row["error"], LEAST)
+
+
 def error_against_time(study, problem, rows):
     figure, axes = plt.subplots(figsize=(5.4, 4.0))
     good = [row for row in rows if row.get("error") is not None and row.get("total_s")]
@@ -51,12 +58,12 @@ def error_against_time(study, problem, rows):
         steps = {row["dt"] for row in found}
         main = max(steps, key=lambda step: sum(row["dt"] == step for row in found))  # finer meshes at one step
         line = [row for row in found if row["dt"] == main]
-        axes.plot([row["total_s"] for row in line], [row["error"] for row in line], **style)
+        axes.plot([row["total_s"] for row in line], [shown(row) for row in line], **style)
         rest = [row for row in found if row["dt"] != main]
-        axes.plot([row["total_s"] for row in rest], [row["error"] for row in rest],
+        axes.plot([row["total_s"] for row in rest], [shown(row) for row in rest],
                   **{**style, "label": None, "linestyle": "none", "markerfacecolor": "white"})
     front = sorted((row for row in good if row["pareto"]), key=lambda row: row["total_s"])
-    axes.plot([row["total_s"] for row in front], [row["error"] for row in front], color="0.75", linewidth=6,
+    axes.plot([row["total_s"] for row in front], [shown(row) for row in front], color="0.75", linewidth=6,
               alpha=0.6, zorder=0, solid_capstyle="round", label="Pareto front", marker="o", markersize=9)
     axes.set(xscale="log", yscale="log", xlabel="time of all steps [s]", ylabel="relative error [-]",
              title=problem.title)
@@ -134,6 +141,6 @@ def cost_against_size(study, rows, fits):
                       markerfacecolor=COLOUR[model] if shape != "compact" else "white",
                       label="%s, %s" % (model, shape) + (": n^%.2f" % power if power else ""))
         axes.set(xscale="log", yscale="log", xlabel="elements [-]", ylabel=label)
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=7.5, ncol=1)
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=8, ncol=1)
     figure.tight_layout()
     save(figure, study, "cost")

@@ -104,13 +104,18 @@ def write_mesh(path, nodes, tets):
 
 
 def start_points(kind, nodes, tets):
-    """Start positions of the nodes, or None."""
+    """Start positions of the nodes [m], or None. tets: None of a rod, whose nodes lie along it."""
     if kind == "stretched":
         return nodes * [10, 1, 1]
-    if kind == "inverted":  # a corner goes through the opposite face
-        moved, corner = nodes.copy(), tets[0, 0] if tets is not None else 0
-        others = nodes[tets[0, 1:]].mean(0) if tets is not None else nodes[min(2, len(nodes) - 1)]
-        moved[corner] += 2 * (others - nodes[corner])
+    if kind == "inverted":  # a corner goes through the opposite face, the middles of its edges go with it
+        corner, face = (tets[0, 0], tets[0, 1:]) if tets is not None else (0, [min(2, len(nodes) - 1)])
+        way = 2 * (nodes[face].mean(0) - nodes[corner])
+        far = 2 * nodes - nodes[corner]  # of a middle: the other end of its edge
+        ends = nodes if tets is None else nodes[:tets.max() + 1]
+        middle = numpy.array([numpy.linalg.norm(ends - x, axis=1).min() < 1e-9 * LENGTH for x in far])
+        middle[:len(ends)] = False
+        moved = nodes + 0.5 * way * middle[:, None]
+        moved[corner] += way
         return moved
     if kind == "scrambled":
         low, size = nodes.min(0), numpy.ptp(nodes, 0)
@@ -120,6 +125,18 @@ def start_points(kind, nodes, tets):
     if kind == "point":
         return numpy.repeat(nodes.mean(0)[None], len(nodes), 0)
     return None
+
+
+def all_nodes(study, model, name, nodes, tets):
+    """Nodes of second-order tetrahedra, corners first: as a run of one step says they are."""
+    if name not in study.nodes:
+        write_mesh(study.path("scenes/" + name), nodes, tets)
+        outcome = study.run(study.write_scene("nodes_" + name, {
+            "scene": "nodes", "step": 0.01, "time_limit": 0.01, "contact": {"method": "none"}, "bodies": [{
+                "name": "body", "shape": {"file": name + ".node"}, "model": model,
+                "material": {"young": 8.7e6, "poisson": 0.33, "density": 1100}}]}), threads=1, points=True)
+        study.nodes[name] = outcome.rest if outcome.rest is not None else nodes
+    return study.nodes[name]
 
 
 def cells_of(study):
@@ -166,6 +183,8 @@ def scene_of(study, model, cell):
     else:
         nodes, tets = mesh_of(kind, cells)
         name = "mesh_%s_%s" % (model, slug(cell["mesh"]))
+        if model == "tet10" and start not in (None, "thrown", "spun"):
+            nodes = all_nodes(study, model, name, nodes, tets)
         if not os.path.exists(study.path("scenes/%s.node" % name)):
             write_mesh(study.path("scenes/" + name), nodes, tets)
         shape = {"file": name + ".node", "scale": scale}

@@ -16,7 +16,7 @@ import stability
 import tools
 
 PARTS = ("accuracy", "stability", "speed", "left_out")
-HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
 def words():
@@ -34,11 +34,9 @@ def words():
 
 def main():
     given = words()
-    reference = os.environ.get("CATNAV_REFERENCE",
-                               os.path.join(HERE, "..", "..", "test", "data", "reference"))
     try:
         study = tools.Study(given.folder, os.path.abspath(given.catnav), given.quick, given.threads,
-                            os.path.abspath(reference))
+                            ROOT)
     except OSError as error:
         print("catnav study: %s" % error, file=sys.stderr)
         return 1

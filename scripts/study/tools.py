@@ -87,7 +87,10 @@ class Outcome:
         for key in keys:
             if value is None:
                 return None
-            value = value[key] if isinstance(key, int) else value.get(key)
+            if isinstance(key, int):
+                value = value[key] if key < len(value) else None
+            else:
+                value = value.get(key)
         return value
 
     @property
@@ -100,9 +103,12 @@ class Outcome:
 class Study:
     """Folder, command and options of one study; notes are sentences for the report."""
 
-    def __init__(self, folder, catnav, quick, threads, reference):
+    def __init__(self, folder, catnav, quick, threads, root):
         self.folder, self.catnav, self.quick, self.threads = os.path.abspath(folder), catnav, quick, threads
-        self.reference, self.notes, self.commands = reference, [], 0
+        self.root, self.notes, self.commands = root, [], 0  # root: of the package, launch/ and test/ in it
+        self.reference = os.path.abspath(os.environ.get("CATNAV_REFERENCE",
+                                                        os.path.join(root, "test", "data", "reference")))
+        self.nodes = {}  # of second-order meshes, by name
         self.begun = time.monotonic()
         self.version = subprocess.run([catnav, "--version"], capture_output=True, text=True).stdout.strip()
         os.makedirs(os.path.join(self.folder, "scenes"), exist_ok=True)
@@ -122,7 +128,7 @@ class Study:
 
     def write_scene(self, name, scene):
         with open(self.path("scenes/%s.yaml" % name), "w") as file:
-            file.write(scene_text(scene))
+            file.write(scene if isinstance(scene, str) else scene_text(scene))
         return "scenes/%s.yaml" % name
 
     def run(self, scene, settings=None, threads=None, limit=120, points=False):
@@ -155,7 +161,7 @@ class Study:
                       "refused" if done.returncode == 1 else
                       report["status"] if report else "crash")
             outcome = Outcome(status, message or "", done.returncode, report, wall, command)
-            if points and report and os.path.isdir(frames):
+            if points and report and report["bodies"] and os.path.isdir(frames):
                 files = frame_files(frames, report["bodies"][0]["name"])
                 if files:
                     outcome.first = read_frame(files[0])[0]
@@ -178,7 +184,7 @@ class Study:
         outcome = self.run(self.write_scene("probe", probe_scene(model)))
         ran = outcome.figure("bodies", 0, "model") if outcome.status == "ran" else None
         if ran != model:
-            self.note("Body model `%s` is left out: %s" % (model, "it runs as `%s`" % ran if ran else outcome.message))
+            self.note("Body model `%s` is left out: %s" % (model, "it runs as `%s`" % ran if ran else outcome.message or outcome.status))
         return ran == model
 
     def table(self, name, rows, columns=None):
