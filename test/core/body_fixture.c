@@ -53,6 +53,53 @@ void fixture_shake(fixture *s, unsigned seed, double shake)
     }
 }
 
+/* Takes the components `fixed` (3 nnode) out of the matrix. */
+static void hold(cn_matrix *a, const unsigned char *fixed)
+{
+    const double scale = largest(a->value, 9 * a->nblock);
+    for (int i = 0; i < a->n; i++)
+        for (int k = a->row[i]; k < a->row[i + 1]; k++)
+            for (int e = 0; e < 9; e++) {
+                const int row = 3 * i + e / 3, col = 3 * a->col[k] + e % 3;
+                if (fixed[row] || fixed[col]) a->value[9 * k + e] = row == col ? scale : 0;
+            }
+}
+
+cn_status fixture_factor(fixture *s, cn_solver *solver, cn_tangent tangent, const unsigned char *fixed)
+{
+    fixture_force(s, tangent, s->scatter, NULL);
+    hold(s->matrix, fixed);
+    return cn_solver_factor(solver, s->matrix, s->body->nnode, NULL, NULL);
+}
+
+void fixture_solve(cn_solver *solver, int n, const double *b, const unsigned char *fixed, double *x)
+{
+    for (int i = 0; i < n; i++)
+        x[i] = fixed[i] ? 0 : b[i];
+    assert_int_equal(cn_solver_solve(solver, x, x, 1e-10, 1, NULL, NULL, NULL), CN_OK);
+}
+
+int reference_table(const char *name, int n, double **out)
+{
+    FILE *file = reference_open(name);
+    char line[1024];
+    int count = 0;
+    *out = NULL;
+    if (!file || !fgets(line, sizeof line, file)) return 0;
+    for (; fgets(line, sizeof line, file); count++) {
+        const char *at = line + strlen(line);
+        assert_non_null(*out = realloc(*out, (size_t)(count + 1) * (size_t)n * sizeof **out));
+        for (int k = n - 1; k >= 0; k--) {
+            while (at > line && at[-1] != ',')
+                at--;
+            (*out)[count * n + k] = strtod(at, NULL);
+            if (at > line) at--;
+        }
+    }
+    fclose(file);
+    return count;
+}
+
 cn_tets *shape_raised(cn_tets *linear, double curve, double size)
 {
     cn_tets *mesh;
