@@ -76,6 +76,23 @@ def error_against_time(study, problem, rows):
     save(figure, study, "accuracy_" + problem.name)
 
 
+def stiffness(study, rows):
+    """Relative error of a catheter's bending, torsion and axial stiffness against its unknowns."""
+    figure, all_axes = plt.subplots(1, 3, figsize=(9.2, 3.2), sharey=True)
+    for axes, what in zip(all_axes, ("bending", "torsion", "axial")):
+        for model in dict.fromkeys(row["model"] for row in rows):
+            line = [row for row in rows if row["model"] == model and row[what] is not None]
+            axes.plot([row["dof"] for row in line], [max(abs(row[what]), LEAST) for row in line],
+                      color=COLOUR[model], linestyle=LINE[model], marker="o", markersize=4, label=model)
+        axes.axhline(0.05, color="0.5", linewidth=0.8, linestyle=":")
+        axes.set(xscale="log", yscale="log", title=what, xlabel="unknowns of 1 m of catheter [-]")
+    all_axes[0].set_ylabel("error of stiffness [-]")
+    all_axes[0].text(0.02, 0.05, "5 %", transform=all_axes[0].get_yaxis_transform(), va="bottom", fontsize=8)
+    all_axes[2].legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
+    figure.tight_layout()
+    save(figure, study, "stiffness")
+
+
 # Result -> grey level that orders them in print, colour, letter
 RESULT_LOOK = {"recovered": ("#e4f1e4", ""), "still deformed": ("#f4e3a1", "·"), "refused": ("#b5c7de", "R"),
                "stopped": ("#e08a4f", "S"), "not finite": ("#8c1a1a", "N"), "hang": ("#5b0f4d", "H"),

@@ -47,6 +47,8 @@ def main():
     for problem, rows in parts.get("accuracy", []):
         study.table("accuracy_" + problem.name, rows, accuracy.COLUMNS)
         plots.error_against_time(study, problem, rows)
+    if "accuracy" in parts:
+        plots.stiffness(study, study.stiffness)
     for model in dict.fromkeys(row["model"] for row in parts.get("stability", [])):
         rows = [row for row in parts["stability"] if row["model"] == model]
         study.table("stability_" + model, rows)

@@ -171,7 +171,11 @@ class Study:
     def pool(self, work, tasks, workers=2):
         """work(task) for every task, `workers` at a time; results in the tasks' order."""
         with ThreadPoolExecutor(workers) as pool:
-            return list(pool.map(work, tasks))
+            try:
+                return list(pool.map(work, tasks))
+            except KeyboardInterrupt:
+                pool.shutdown(cancel_futures=True)
+                raise
 
     def choices(self, key):
         """What a key that takes one of several words takes, as its refusal lists them."""
