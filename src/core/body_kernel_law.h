@@ -325,6 +325,7 @@ INLINE void add_block(double *to, const v4 *low, const v4 *high, double last)
 {
     *(v4 *)to += *low, *(v4 *)(to + 4) += *high, to[8] += last;
 }
+
 /* Adds n blocks of each active lane to the matrix: block k where index (of each lane `stride` numbers) says
  * at upper[k], and its transpose where it says at lower[k] (negative: nowhere). */
 INLINE void scatter_blocks(const v8 (*block)[9], int n, double scale, double *value, const int *index,
@@ -333,10 +334,12 @@ INLINE void scatter_blocks(const v8 (*block)[9], int n, double scale, double *va
     for (int k = 0; k < n; k++)
         for (int half = 0; half < 2; half++) { /* four lanes at a time */
             v4 m[8];
+#pragma GCC unroll 8
             for (int i = 0; i < 8; i++)
                 m[i] = scale * ((const v4 *)&block[k][i])[half];
             transpose(m, m + 1, m + 2, m + 3);
             transpose(m + 4, m + 5, m + 6, m + 7);
+#pragma GCC unroll 4
             for (int i = 0; i < 4; i++) {
                 const int lane = 4 * half + i;
                 if (!(active >> lane & 1)) continue;

@@ -103,42 +103,100 @@ INLINE void add_forces(const cn_batch10 *e, const v8 point[CN_TET10_POINTS][12],
                 f[3 * (size_t)e->node[lane][a] + (size_t)k] += out[3 * a + k][lane];
 }
 
-/* Stiffness of the points between their corners (stiffness_blocks), and its sum. */
-typedef struct {
-    v8 point[CN_TET10_POINTS][10][9], sum[10][9];
-} corner_blocks;
-
+/* Stiffness between corners m <= n (block_at), in place of that of point q, B_q, and of the sum over points,
+ * S: E_q = 4a 4b B_q + H and H = (4a)^2 S / 2. What corner m, point o of node a and corner n, point p of node
+ * b share, c_a c_b S + 4b c_a B_p + 4b c_b B_o + (4b)^2 B_o (where o is p), is then A E_p + (B + r) E_o + (2
+ * A B - A - B - r) H with A = c_a / 4a, B = c_b / 4a and r = b / a where o is p. */
+enum { NODE_PAIRS = 55, TERMS_MAX = 12, H = CN_TET10_POINTS };
+typedef v8 corner_blocks[CN_TET10_POINTS + 1][10][9];
 static const int block_at[4][4] = {{0, 1, 2, 3}, {1, 4, 5, 6}, {2, 5, 7, 8}, {3, 6, 8, 9}};
-static const int as_it_is[9] = {0, 1, 2, 3, 4, 5, 6, 7, 8}, transposed[9] = {0, 3, 6, 1, 4, 7, 2, 5, 8};
 
-/* k += c_a c_b B_mn + c_a 4b B_mn at point p + 4b c_b B_mn at point o, and (4b)^2 of it where p is o: the
- * share of corner m, point o of node a and corner n, point p of node b. */
-INLINE void add_share(const corner_blocks *c, double ca, double cb, int m, int o, int n, int p, v8 k[9])
+/* Terms of the block of two nodes: block `at` of corner_blocks, transposed or not, times `share`. */
+typedef struct {
+    double share;
+    int at, turned;
+} term;
+typedef struct {
+    int n;
+    term term[TERMS_MAX];
+} pair_terms;
+
+static void add_term(pair_terms *pair, int which, int m, int n, double share)
 {
-    const int *turn = m <= n ? as_it_is : transposed, at = block_at[m][n];
-    const v8 *sum = c->sum[at], *bo = c->point[o][at], *bp = c->point[p][at];
-    const double both = ca * cb, to = o == p ? FOUR_B * (cb + ca + FOUR_B) : FOUR_B * cb, tp = FOUR_B * ca;
-    if (o == p)
-        for (int i = 0; i < 9; i++)
-            k[i] += both * sum[turn[i]] + to * bo[turn[i]];
-    else
-        for (int i = 0; i < 9; i++)
-            k[i] += both * sum[turn[i]] + to * bo[turn[i]] + tp * bp[turn[i]];
+    const int at = 10 * which + block_at[m][n], turned = m > n;
+    for (int i = 0; i < pair->n; i++)
+        if (pair->term[i].at == at && pair->term[i].turned == turned) {
+            pair->term[i].share += share;
+            return;
+        }
+    pair->term[pair->n++] = (term){share, at, turned};
+}
+
+/* The terms of all pairs of nodes a <= b, row by row. */
+static void list_terms(pair_terms pair[NODE_PAIRS])
+{
+    for (int a = 0; a < 10; a++)
+        for (int b = a; b < 10; b++, pair++) {
+            const double ca = a < 4 ? CORNER / MID : 1, cb = b < 4 ? CORNER / MID : 1;
+            pair->n = 0;
+            for (int s = 0; s < (a < 4 ? 1 : 2); s++)
+                for (int t = 0; t < (b < 4 ? 1 : 2); t++) {
+                    const int m = ends[a][s], o = ends[a][1 - s], n = ends[b][t], p = ends[b][1 - t];
+                    const double same = o == p ? FOUR_B / MID : 0, rest = 2 * ca * cb - ca - cb - same;
+                    add_term(pair, p, m, n, ca);
+                    add_term(pair, o, m, n, cb + same);
+                    if (rest != 0) add_term(pair, H, m, n, rest);
+                }
+        }
+}
+
+INLINE void share_out(corner_blocks c)
+{
+    for (int k = 0; k < 10; k++)
+        for (int i = 0; i < 9; i++) {
+            c[H][k][i] = 0.5 * MID * MID * (c[0][k][i] + c[1][k][i] + c[2][k][i] + c[3][k][i]);
+            for (int q = 0; q < CN_TET10_POINTS; q++)
+                c[q][k][i] = MID * FOUR_B * c[q][k][i] + c[H][k][i];
+        }
+}
+
+INLINE void sum_terms(const corner_blocks c, const pair_terms *pair, v8 out[9])
+{
+    v8 k[9] = {{0}};
+    for (int t = 0; t < pair->n; t++) {
+        const v8 *b = c[0][0] + 9 * pair->term[t].at, zero = {0}, share = zero + pair->term[t].share;
+        if (pair->term[t].turned)
+#pragma GCC unroll 9
+            for (int i = 0; i < 9; i++)
+                k[i] += share * b[3 * (i % 3) + i / 3];
+        else
+#pragma GCC unroll 9
+            for (int i = 0; i < 9; i++)
+                k[i] += share * b[i];
+    }
+#pragma GCC unroll 9
+    for (int i = 0; i < 9; i++)
+        out[i] = k[i];
+}
+
+/* Calls for the matrix blocks of row a before they are needed. */
+INLINE void call_row(int a, const double *value, const int *index)
+{
+    for (int lane = 0; lane < CN_LANES; lane++)
+        for (int b = a; b < 10; b++) {
+            __builtin_prefetch(value + 9 * (size_t)index[100 * lane + 10 * a + b], 1);
+            __builtin_prefetch(value + 9 * (size_t)index[100 * lane + 10 * b + a], 1);
+        }
 }
 
 /* Adds row a of the element's blocks to the matrix, from its diagonal on, and what is symmetric to it. */
-INLINE void add_row(const corner_blocks *c, int a, double scale, double *value, const int *index, int active)
+INLINE void add_row(const corner_blocks c, const pair_terms *pair, int a, double scale, double *value,
+                    const int *index, int active)
 {
     v8 block[10][9];
     int upper[10], lower[10];
     for (int b = a; b < 10; b++) {
-        const double ca = a < 4 ? CORNER : MID, cb = b < 4 ? CORNER : MID;
-        v8 *k = block[b - a];
-        for (int i = 0; i < 9; i++)
-            k[i] = (v8){0};
-        for (int s = 0; s < (a < 4 ? 1 : 2); s++)
-            for (int t = 0; t < (b < 4 ? 1 : 2); t++)
-                add_share(c, ca, cb, ends[a][s], ends[a][1 - s], ends[b][t], ends[b][1 - t], k);
+        sum_terms(c, pair + b - a, block[b - a]);
         upper[b - a] = 10 * a + b, lower[b - a] = b == a ? -1 : 10 * b + a;
     }
     scatter_blocks((const v8(*)[9])block, 10 - a, scale, value, index, 100, upper, lower, active);
@@ -150,6 +208,8 @@ INLINE void elastic(const cn_elastic_job *job, int chunk)
     const int first = chunk * data->chunk_batches;
     const int last = first + data->chunk_batches < data->nbatch ? first + data->chunk_batches : data->nbatch;
     v8 sum = {0};
+    pair_terms pair[NODE_PAIRS];
+    if (job->stiffness) list_terms(pair);
     for (int n = first; n < last; n++) {
         const cn_batch10 *e = data->batch10 + n;
         if (e->top_min >= job->nactive) continue;
@@ -167,18 +227,19 @@ INLINE void elastic(const cn_elastic_job *job, int chunk)
             if (!job->f) continue;
             stress_of(eps, &trace, &m, stress);
             corner_forces(r, stress, (const v8 *)e->grad[q], force[q]);
-            if (job->stiffness) stiffness_blocks(r, b, (const v8 *)e->grad[q], &m, job->tangent, c.point[q]);
+            if (job->stiffness) stiffness_blocks(r, b, (const v8 *)e->grad[q], &m, job->tangent, c[q]);
         }
         keep_rotations(e, &el, job->rotation, active);
         if (!job->f) continue;
         add_forces(e, (const v8(*)[12])force, job->f, active);
         if (!job->stiffness) continue;
-        for (int k = 0; k < 10; k++)
-            for (int i = 0; i < 9; i++)
-                c.sum[k][i] = c.point[0][k][i] + c.point[1][k][i] + c.point[2][k][i] + c.point[3][k][i];
-        for (int a = 0; a < 10; a++)
-            add_row(&c, a, job->scale, job->stiffness->matrix->value,
-                    job->stiffness->block + 100 * CN_LANES * (size_t)n, active);
+        share_out(c);
+        const int *index = job->stiffness->block + 100 * CN_LANES * (size_t)n;
+        double *value = job->stiffness->matrix->value;
+        for (int a = 0, at = 0; a < 10; at += 10 - a++) {
+            if (a < 9) call_row(a + 1, value, index);
+            add_row(c, pair + at, a, job->scale, value, index, active);
+        }
     }
     job->energy[chunk] = sum_lanes(&sum);
 }
