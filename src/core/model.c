@@ -58,7 +58,7 @@ static cn_status linear_mesh(cn_tets **out, const cn_shape *shape, cn_error *err
 
 static cn_status shape_mesh(cn_tets **out, const cn_shape *shape, cn_body_model model, cn_error *error)
 {
-    cn_tets *linear;
+    cn_tets *linear = NULL;
     if (model == CN_BODY_TET10 && shape->kind == CN_SHAPE_CATHETER)
         return cn_tets_catheter10(out, shape->catheter.length, shape->catheter.diameter,
                                   shape->catheter.inner_diameter, shape->catheter.stations,
