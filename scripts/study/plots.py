@@ -24,6 +24,19 @@ MARKER = {"auto": "o", "cholesky": "s", "cg": "^", "pcg": "v", "chain": "D", "mi
 PAPER_LOOK = {"color": "0.25", "linestyle": ":", "marker": "x"}
 
 
+def draw(study, part, found):
+    """The pictures of a part of the study, from what it returned."""
+    if part == "accuracy":
+        stiffness(study, study.stiffness)
+        for problem, rows in found:
+            error_against_time(study, problem, rows)
+    elif part == "stability":
+        for model in dict.fromkeys(row["model"] for row in found):
+            stability_map(study, model, [row for row in found if row["model"] == model])
+    elif part == "speed":
+        cost_against_size(study, *found[1:])
+
+
 def save(figure, study, name):
     figure.savefig(study.path(name + ".svg"), metadata={"Date": None})
     figure.savefig(study.path(name + ".png"))
@@ -95,8 +108,8 @@ def stiffness(study, rows):
 
 # Result -> grey level that orders them in print, colour, letter
 RESULT_LOOK = {"recovered": ("#e4f1e4", ""), "still deformed": ("#f4e3a1", "·"), "refused": ("#b5c7de", "R"),
-               "stopped": ("#e08a4f", "S"), "not finite": ("#8c1a1a", "N"), "hang": ("#5b0f4d", "H"),
-               "crash": ("#000000", "C")}
+               "stopped": ("#e08a4f", "S"), "slow": ("#c9a0dc", "L"), "not finite": ("#8c1a1a", "N"),
+               "hang": ("#5b0f4d", "H"), "crash": ("#000000", "C")}
 
 
 def stability_map(study, model, rows):

@@ -40,22 +40,13 @@ def main():
     except OSError as error:
         print("catnav study: %s" % error, file=sys.stderr)
         return 1
-    parts = {}
+    parts, run = {}, {"accuracy": accuracy.run, "stability": stability.run, "speed": speed.run,
+                      "left_out": left_out.run}
     for name in PARTS:
         if given.only in (None, name):
-            parts[name] = globals()[name].run(study)
-    for problem, rows in parts.get("accuracy", []):
-        study.table("accuracy_" + problem.name, rows, accuracy.COLUMNS)
-        plots.error_against_time(study, problem, rows)
-    if "accuracy" in parts:
-        plots.stiffness(study, study.stiffness)
-    for model in dict.fromkeys(row["model"] for row in parts.get("stability", [])):
-        rows = [row for row in parts["stability"] if row["model"] == model]
-        study.table("stability_" + model, rows)
-        plots.stability_map(study, model, rows)
-    if "speed" in parts:
-        plots.cost_against_size(study, *parts["speed"][1:])
-    report.write(study, parts)
+            parts[name] = run[name](study)
+            plots.draw(study, name, parts[name])
+            report.write(study, parts)
     study.say("%s/index.md" % given.folder)
     failed = [row for row in parts.get("stability", []) if row["result"] in stability.FAILURES]
     return 4 if failed else 0

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,6 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy
 
+GRACE = 20  # seconds in which a run that is asked to stop must have stopped
 MODELS = ("tet4", "tet10", "rod")  # in the order in which tables and legends name them
 PAPER = {"solver.newton": 1, "solver.linear": "cg", "contact.method": "project"}  # the first paper's method
 
@@ -75,8 +77,8 @@ def shape_error(points, rest):
 
 
 class Outcome:
-    """What one run gave. status: the report's, or `refused`, `hang`, `crash`. Figures of a run without report
-    are None."""
+    """What one run gave. status: the report's, or `refused`, `late` (stopped at its time limit), `hang` (it did not
+    stop), `crash`. Figures of a run without report are None."""
 
     def __init__(self, status, message, code, report, wall, command):
         self.status, self.message, self.code, self.report = status, message, code, report
@@ -144,23 +146,35 @@ class Study:
             extra = ["--quiet", "--report", report_file]
             if points:
                 extra += ["--frames", frames, "--every", "1000000"]
-            begun = time.monotonic()
+            begun, late = time.monotonic(), False
+            process = subprocess.Popen([self.catnav, "run"] + words + extra, cwd=self.folder, text=True,
+                                       stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
             try:
-                done = subprocess.run([self.catnav, "run"] + words + extra, cwd=self.folder, timeout=limit,
-                                      stdin=subprocess.DEVNULL, capture_output=True, text=True)
-            except subprocess.TimeoutExpired:
-                return Outcome("hang", "no end within %g s" % limit, None, None, limit, command)
+                errors = process.communicate(timeout=limit)[1]
+            except subprocess.TimeoutExpired:  # asked to stop, as by Ctrl-C: within a step, with a report
+                late = True
+                process.send_signal(signal.SIGINT)
+                try:
+                    errors = process.communicate(timeout=GRACE)[1]
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.communicate()
+                    return Outcome("hang", "no end within %g s, nor %g s after it was asked to stop"
+                                   % (limit, GRACE), None, None, limit, command)
             wall = time.monotonic() - begun
             report = None
             if os.path.exists(report_file):
                 with open(report_file) as file:
                     report = json.load(file)
             message = (report["verdict"]["message"] if report else
-                       (done.stderr.strip().split("\n") or [""])[-1]).replace(self.folder + "/", "")
-            status = ("crash" if done.returncode < 0 or done.returncode > 130 else
-                      "refused" if done.returncode == 1 else
-                      report["status"] if report else "crash")
-            outcome = Outcome(status, message or "", done.returncode, report, wall, command)
+                       (errors.strip().split("\n") or [""])[-1]).replace(self.folder + "/", "")
+            code = process.returncode
+            status = ("crash" if code < 0 or code > 130 else "refused" if code == 1 else
+                      "late" if late else report["status"] if report else "crash")
+            if late:
+                message = "not at its end after %g s, stopped after %s steps" % (
+                    limit, report["steps"] if report else "no")
+            outcome = Outcome(status, message or "", code, report, wall, command)
             if points and report and report["bodies"] and os.path.isdir(frames):
                 files = frame_files(frames, report["bodies"][0]["name"])
                 if files:
@@ -188,7 +202,8 @@ class Study:
         outcome = self.run(self.write_scene("probe", probe_scene(model)))
         ran = outcome.figure("bodies", 0, "model") if outcome.status == "ran" else None
         if ran != model:
-            self.note("Body model `%s` is left out: %s" % (model, "it runs as `%s`" % ran if ran else outcome.message or outcome.status))
+            self.note("Body model `%s` is left out: %s" % (
+                model, "it runs as `%s`" % ran if ran else outcome.message or outcome.status))
         return ran == model
 
     def table(self, name, rows, columns=None):
