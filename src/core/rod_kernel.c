@@ -196,6 +196,12 @@ INLINE void strains(const cn_rod *rod, int first, const nodes *node, int k, segm
     s->sigma = 1.0 + z * (1.0 / 6 + z * (3.0 / 40 + z * (5.0 / 112 + z * (35.0 / 1152 + z * (63.0 / 2816)))));
     s->slope = 1.0 / 6 + z * (3.0 / 20 + z * (15.0 / 112 + z * (35.0 / 288 + z * (315.0 / 2816))));
     s->bend = 3.0 / 20 + z * (15.0 / 56 + z * (35.0 / 96 + z * (315.0 / 704)));
+    /* the rest of the series as a geometric one: below 1e-5 up to 60 degrees a segment, and without end
+     * before it would fold right over, where the middle frame has no sense */
+    const v8 pole = 1.0 / (s->c * s->c), z4 = z * z * z * z, last = 231.0 / 13312 * z4 * pole;
+    s->sigma += last * z * z;
+    s->slope += last * z * (6.0 + z * pole);
+    s->bend += last * (30.0 + z * pole * (12.0 + 2.0 * z * pole));
     s->inverse = inverse;
     transposed(r, s->e, v);
     const v8 twice = 2.0 * s->sigma * inverse;

@@ -233,6 +233,14 @@ static cn_status step_euler(cn_stage *s, double time, cn_step_figures *figures)
     set_ahead(s, s->h, s->from->v, 0, NULL);
     /* begin where the velocity leads */
     if ((status = cn_stage_start(s, work->model->single ? NULL : work->ahead)) != CN_OK) return status;
+    status = cn_stage_minimise(s, figures);
+    if (status != CN_ERR_CONVERGENCE && status != CN_ERR_NOT_FINITE) return status;
+    EACH_FREE(s, i)
+    { /* or at rest, where that leads too far */
+        memset(work->u + 3 * i, 0, 3 * sizeof(double));
+        memcpy(s->x + 3 * i, s->from->x + 3 * i, 3 * sizeof(double));
+    }
+    if ((status = cn_stage_start(s, NULL)) != CN_OK) return status;
     return cn_stage_minimise(s, figures);
 }
 
