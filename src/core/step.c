@@ -161,8 +161,9 @@ static void set_up(cn_stage *s, const cn_model *model, int ibody, const cn_body_
     s->last = nfree == 0 ? 0 : rod ? b->nnode + nfree : nfree;
     s->rows = rod ? b->nblock : nfree;
     s->strict = body->contact && model->scene->contact.method == CN_CONTACT_STRICT;
-    for (int i = 0; i < b->nblock; i++)
-        work->held[i] = body->fixed[i] || i % b->nnode >= nfree;
+    memset(work->held, 1, (size_t)b->nblock);
+    EACH_FREE(s, i)
+    work->held[i] = body->fixed[i];
     cn_drive_prepare(body, from, path, dt, &work->drive);
     turn_inertia(s);
     memset(work->lag, 0, 3 * (size_t)b->nblock * sizeof(double));

@@ -15,14 +15,6 @@ double cn_step_seconds(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-void cn_stage_mass(const cn_stage *s, int i, const double a[3], double out[3])
-{
-    const cn_body *b = s->work->body->body;
-    for (int k = 0; k < 3; k++)
-        out[k] = i < b->nnode ? b->mass[i] * a[k]
-                              : cn_dot(s->work->spin + 9 * (size_t)(i - b->nnode) + 3 * (size_t)k, a);
-}
-
 /* Norm over free blocks; moments count by the body's lever. */
 static double norm_free(const cn_stage *s, const double *f)
 {

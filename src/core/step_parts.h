@@ -3,6 +3,7 @@
 #ifndef CN_STEP_PARTS_H
 #define CN_STEP_PARTS_H
 
+#include "catnav/vec3.h"
 #include "sim.h"
 
 struct cn_work {
@@ -63,7 +64,15 @@ cn_status cn_stage_minimise(const cn_stage *s, cn_step_figures *figures);
  * the elements' size. */
 double cn_stage_floor(const cn_stage *s);
 /* out = M a of block i, without the factor that `leave_out.inertia` takes. */
-void cn_stage_mass(const cn_stage *s, int i, const double a[3], double out[3]);
+static inline void cn_stage_mass(const cn_stage *s, int i, const double a[3], double out[3])
+{
+    const cn_body *b = s->work->body->body;
+    if (i < b->nnode)
+        for (int k = 0; k < 3; k++)
+            out[k] = b->mass[i] * a[k];
+    else
+        cn_mat_vec(s->work->spin + 9 * (size_t)(i - b->nnode), a, out);
+}
 double cn_step_seconds(void);
 
 #endif
