@@ -16,7 +16,6 @@
 #include "rod_spin.h"
 #include "shapes.h"
 
-/* E(x), and its gradient and Hessian by central differences of sixth order of the energy and the force. */
 static double largest(const double *a, int n)
 {
     double max = 0;
@@ -135,11 +134,570 @@ static void exact_tangent_is_the_derivative_of_the_force_and_symmetric(void **st
     }
 }
 
+/* Turns and moves the whole state by R and c: places, frames (the turn since the start of the step is left
+ * where it is and taken into the frames). */
+static void move_rigidly(rod_case *s, const double r[9], const double c[3])
+{
+    double q[4], p[3];
+    const int n = s->body->nnode;
+    cn_polar(r, q);
+    cn_body_turn(s->body, n, s->x, s->rotation);
+    for (int i = 0; i < n; i++) {
+        double *f = s->rotation + 4 * i, v[3], was[4] = {f[0], f[1], f[2], f[3]};
+        cn_mat_vec(r, s->x + 3 * i, p);
+        cn_add(p, c, s->x + 3 * i);
+        cn_cross(q + 1, was + 1, v);
+        f[0] = q[0] * was[0] - cn_dot(q + 1, was + 1);
+        for (int k = 0; k < 3; k++)
+            f[1 + k] = q[0] * was[1 + k] + was[0] * q[1 + k] + v[k];
+    }
+}
+
+static void a_rigid_motion_costs_nothing_and_turns_the_forces(void **state)
+{
+    (void)state;
+    unsigned seed = 3;
+    for (int turn = 0; turn < 10; turn++) {
+        rod_case rest = crooked(70, 1), bent = crooked(70, 1);
+        const double c[3] = {shape_random(&seed), shape_random(&seed), shape_random(&seed)};
+        double r[9], was[6 * 70 * 3], v[3];
+        shape_rotation(&seed, r);
+        cn_body_turn(rest.body, 70, rest.x, rest.rotation);
+        move_rigidly(&rest, r, c);
+        const double e = rod_case_force(&rest, CN_TANGENT_EXACT, NULL);
+        assert_true(e < 1e-18 * 50 && largest(rest.f, 6 * 70) < 1e-9 * 50);
+
+        disturb(&bent, seed, 0.2, 1);
+        cn_body_turn(bent.body, 70, bent.x, bent.rotation);
+        const double e0 = rod_case_force(&bent, CN_TANGENT_EXACT, NULL);
+        memcpy(was, bent.f, sizeof(double) * 6 * 70);
+        move_rigidly(&bent, r, c);
+        assert_true(fabs(rod_case_force(&bent, CN_TANGENT_EXACT, NULL) - e0) < 1e-12 * e0);
+        for (int i = 0; i < 140; i++) {
+            cn_mat_vec(r, was + 3 * i, v);
+            assert_true(cn_distance(v, bent.f + 3 * i) < 1e-11 * largest(was, 420));
+        }
+        rod_case_free(&rest), rod_case_free(&bent);
+    }
+}
+
+static void inner_forces_and_moments_sum_to_nothing(void **state)
+{
+    (void)state;
+    rod_case s = crooked(70, 1);
+    double force[3] = {0}, moment[3] = {0};
+    disturb(&s, 5, 0.3, 1);
+    cn_body_turn(s.body, 70, s.x, s.rotation); /* where moments are those of space */
+    rod_case_force(&s, CN_TANGENT_EXACT, NULL);
+    const double scale = largest(s.f, 6 * 70);
+    for (int i = 0; i < 70; i++) {
+        double m[3];
+        cn_cross(s.x + 3 * i, s.f + 3 * i, m);
+        cn_add(force, s.f + 3 * i, force);
+        cn_add(moment, m, moment);
+        cn_add(moment, s.f + 3 * (70 + i), moment);
+    }
+    assert_true(cn_norm(force) < 1e-13 * scale && cn_norm(moment) < 1e-12 * scale);
+    rod_case_free(&s);
+}
+
+/* The energy of one segment by another way: rotation matrices, the angle by atan2. */
+static void energy_is_that_of_the_strains_by_rotation_matrices(void **state)
+{
+    (void)state;
+    const cn_section section = {.axial = 7,
+                                .shear = {3, 2},
+                                .bending = {1.5, 0.8},
+                                .torsion = 0.6,
+                                .half = {0.1, 0.1},
+                                .round = true,
+                                .young = 1,
+                                .poisson = 0.3};
+    for (int k = 0; k < 50; k++) {
+        rod_case s = rod_case_straight(1, 0.7, &section);
+        double r[2][9], relative[9], axis[3], half[3], turn[9], mid[9], e[3], strain[6], sum = 0;
+        disturb(&s, 100 + (unsigned)k, 0.4, 0.25);
+        cn_body_turn(s.body, 2, s.x, s.rotation);
+        for (int i = 0; i < 2; i++)
+            cn_quaternion_matrix(s.rotation + 4 * i, r[i]);
+        for (int i = 0; i < 9; i++) /* R_j R_i' */
+            relative[i] = cn_dot(r[1] + 3 * (i / 3), r[0] + 3 * (i % 3));
+        const double a[3] = {relative[7] - relative[5], relative[2] - relative[6], relative[3] - relative[1]};
+        const double angle = atan2(cn_norm(a), relative[0] + relative[4] + relative[8] - 1);
+        for (int i = 0; i < 3; i++)
+            axis[i] = a[i] / cn_norm(a) * angle, half[i] = axis[i] / 2;
+        cn_rotation(half, turn);
+        cn_mat_mul(turn, r[0], mid);
+        cn_sub(s.x + 3, s.x, e);
+        for (int i = 0; i < 3; i++) {
+            const double column[3] = {mid[i], mid[3 + i], mid[6 + i]};
+            strain[i] = cn_dot(column, e) / 0.7 - (i == 2), strain[3 + i] = cn_dot(column, axis) / 0.7;
+        }
+        const double stiff[6] = {3, 2, 7, 1.5, 0.8, 0.6};
+        for (int i = 0; i < 6; i++)
+            sum += 0.35 * stiff[i] * strain[i] * strain[i];
+        assert_true(fabs(energy_at(&s) - sum) < 2e-8 * sum); /* the series of the angle ends: 0.5 rad */
+        rod_case_free(&s);
+    }
+}
+
+static void projected_and_warped_tangents_are_positive_and_exact_at_rest(void **state)
+{
+    (void)state;
+    enum { N = 9, M = 6 * N };
+    static double exact[M * M], k[M * M];
+    rod_case s = crooked(N, 1);
+    rod_case_force(&s, CN_TANGENT_EXACT, s.scatter);
+    rod_case_dense(&s, exact);
+    for (cn_tangent t = CN_TANGENT_WARPED; t <= CN_TANGENT_PROJECTED; t++) {
+        rod_case_force(&s, t, s.scatter);
+        rod_case_dense(&s, k);
+        for (int i = 0; i < M * M; i++)
+            assert_true(fabs(k[i] - exact[i]) < 1e-12 * largest(exact, M * M));
+    }
+    for (unsigned seed = 1; seed < 20; seed++) { /* a little more than it on the diagonal has a factor */
+        memcpy(s.x, s.body->rest, 3 * N * sizeof *s.x);
+        disturb(&s, seed, 2, 3);
+        for (cn_tangent t = CN_TANGENT_WARPED; t <= CN_TANGENT_PROJECTED; t += 2) {
+            rod_case_force(&s, t, s.scatter);
+            rod_case_dense(&s, k);
+            const double scale = largest(k, M * M);
+            for (int i = 0; i < 2 * N; i++)
+                for (int c = 0; c < 3; c++)
+                    s.matrix->value[9 * s.matrix->diagonal[i] + 4 * c] += 1e-9 * scale;
+            assert_int_equal(cn_solver_factor(s.solver, s.matrix, s.matrix->n, NULL, NULL), CN_OK);
+        }
+    }
+    rod_case_free(&s);
+}
+
+static void every_instruction_set_and_thread_count_gives_the_same(void **state)
+{
+    (void)state;
+    enum { N = 200, M = 6 * N };
+    rod_case s = crooked(N, 1);
+    cn_pool *pool;
+    assert_int_equal(cn_pool_new(&pool, 3), CN_OK);
+    disturb(&s, 9, 0.3, 2.5);
+    double f[M];
+    const int nvalue = 9 * s.matrix->nblock;
+    double *value = calloc((size_t)nvalue, sizeof *value);
+    const double e = rod_case_force(&s, CN_TANGENT_EXACT, s.scatter);
+    memcpy(f, s.f, sizeof f), memcpy(value, s.matrix->value, (size_t)nvalue * sizeof *value);
+    for (int level = 0; level < 3; level++) {
+        ((cn_rod *)s.body->own)->kernel = cn_rod_kernel_pick(level);
+        assert_true(fabs(rod_case_force(&s, CN_TANGENT_EXACT, s.scatter) - e) <= 1e-14 * e);
+        for (int i = 0; i < M; i++)
+            assert_true(fabs(s.f[i] - f[i]) <= 1e-13 * largest(f, M));
+        for (int i = 0; i < nvalue; i++)
+            assert_true(fabs(s.matrix->value[i] - value[i]) <= 1e-13 * largest(value, nvalue));
+    }
+    const double single = rod_case_force(&s, CN_TANGENT_EXACT, s.scatter);
+    memcpy(f, s.f, sizeof f), memcpy(value, s.matrix->value, (size_t)nvalue * sizeof *value);
+    memset(s.f, 0, sizeof f);
+    cn_matrix_clear(s.matrix, s.matrix->n);
+    assert_true(cn_body_add_elastic(s.body, N, s.x, s.rotation, s.f, CN_TANGENT_EXACT, 1, s.scatter, pool) ==
+                single);
+    assert_memory_equal(f, s.f, sizeof f);
+    assert_memory_equal(value, s.matrix->value, (size_t)nvalue * sizeof *value);
+    free(value);
+    cn_pool_free(pool);
+    rod_case_free(&s);
+}
+
+/* What is not active neither pulls nor is read: the part of the rod alone gives the same. */
+static void nodes_behind_the_active_ones_take_no_part(void **state)
+{
+    (void)state;
+    for (int active = 1; active < 70; active += 17) {
+        rod_case s = crooked(70, 1);
+        disturb(&s, 4, 0.3, 1);
+        for (int i = 3 * active; i < 3 * 70; i++)
+            s.x[i] = s.x[210 + i] = NAN;
+        cn_matrix_clear(s.matrix, s.matrix->n);
+        const double e =
+            cn_body_add_elastic(s.body, active, s.x, s.rotation, s.f, CN_TANGENT_EXACT, 2, s.scatter, NULL);
+        assert_true(e >= 0 && (active > 1) == (e > 0));
+        double sum[3] = {0};
+        for (int i = 0; i < 70; i++)
+            cn_add(sum, s.f + 3 * i, sum);
+        assert_true(cn_norm(sum) < 1e-12 * (largest(s.f, 420) + 1));
+        for (int i = 3 * active; i < 210; i++)
+            assert_true(s.f[i] == 0 && s.f[210 + i] == 0);
+        for (int i = 0; i < 9 * s.matrix->nblock; i++)
+            assert_true(isfinite(s.matrix->value[i]));
+        for (int i = active; i < 70; i++)
+            assert_true(s.matrix->value[9 * s.matrix->diagonal[i]] == 0);
+        rod_case_free(&s);
+    }
+}
+
+/* The same rod in metres, millimetres and micrometres: energies go with the scale, strains do not. */
+static void units_do_not_matter(void **state)
+{
+    (void)state;
+    double energy[3];
+    for (int u = 0; u < 3; u++) {
+        const double size = u == 0 ? 1 : u == 1 ? 1e-3 : 1e-6;
+        rod_case s = crooked(20, size);
+        disturb(&s, 6, 0.3, 1);
+        energy[u] = rod_case_force(&s, CN_TANGENT_EXACT, NULL) / size;
+        rod_case_free(&s);
+    }
+    assert_true(fabs(energy[1] / energy[0] - 1) < 1e-12 && fabs(energy[2] / energy[0] - 1) < 1e-12);
+}
+
+static void not_a_number_shows_in_the_energy_and_the_measures(void **state)
+{
+    (void)state;
+    rod_case s = crooked(9, 1);
+    for (int i = 0; i < 54; i += 7) {
+        const double was = s.x[i];
+        cn_measures m;
+        s.x[i] = NAN;
+        assert_true(isnan(energy_at(&s)));
+        cn_body_measure(s.body, 9, s.x, s.rotation, true, &m, NULL, NULL);
+        assert_true(isnan(m.energy) && isnan(m.volume_max) && isnan(m.stress_max));
+        s.x[i] = was;
+    }
+    rod_case_free(&s);
+}
+
+/* --- skin --- */
+
+static const cn_section tube = {.axial = 12,
+                                .shear = {4, 4},
+                                .bending = {1.4e-6, 1.4e-6},
+                                .torsion = 1e-6,
+                                .area = 1e-6,
+                                .half = {6e-4, 6e-4},
+                                .round = true,
+                                .young = 8e6,
+                                .poisson = 0.4,
+                                .twist_stress = 8e6 / 2.8 * 6e-4};
+
+/* A catheter with its skin, along -z as the mesh is. */
+static rod_case skinned(int stations, const int *ride)
+{
+    cn_tets *skin;
+    double *axis = calloc((size_t)stations, 3 * sizeof *axis);
+    cn_section *section = calloc((size_t)stations, sizeof *section);
+    assert_true(axis && section && !ride);
+    assert_int_equal(cn_tets_catheter(&skin, 0.002 * (stations - 1), 0.0012, 0, stations, 6, NULL), CN_OK);
+    for (int i = 0; i < stations; i++)
+        axis[3 * i + 2] = -0.002 * i, section[i] = tube;
+    const rod_case s = rod_case_new(stations, axis, (const double[3]){1, 0, 0}, section, skin);
+    cn_tets_free(skin);
+    free(axis), free(section);
+    return s;
+}
+
+static void points_follow_their_frames_rigidly(void **state)
+{
+    (void)state;
+    unsigned seed = 8;
+    rod_case s = skinned(12, NULL);
+    double *points = calloc((size_t)s.body->npoint, 3 * sizeof *points), r[9], p[3];
+    const double c[3] = {1, 2, 3};
+    assert_ptr_equal(cn_body_points(s.body, 12, s.x, s.rotation, points), points);
+    for (int i = 0; i < 3 * s.body->npoint; i++)
+        assert_true(fabs(points[i] - s.body->point[i]) < 1e-17);
+    assert_int_equal(cn_body_points_of(s.body, 5), 35);
+    assert_int_equal(s.body->boundary->nvert, s.body->npoint);
+    shape_rotation(&seed, r);
+    move_rigidly(&s, r, c);
+    cn_body_points(s.body, 12, s.x, s.rotation, points);
+    for (int i = 0; i < s.body->npoint; i++) {
+        cn_mat_vec(r, s.body->point + 3 * i, p);
+        cn_add(p, c, p);
+        assert_true(cn_distance(p, points + 3 * i) < 1e-14);
+    }
+    free(points);
+    rod_case_free(&s);
+}
+
+static void arms_and_pull_are_derivatives_of_the_points(void **state)
+{
+    (void)state;
+    rod_case s = skinned(5, NULL);
+    enum { N = 30 };
+    const int np = 3 * s.body->npoint;
+    unsigned seed = 2;
+    cn_carry *carry;
+    double *p[2], *force = calloc((size_t)np, sizeof *force), f0[N] = {0}, f[2][N], dense[N * N];
+    for (int k = 0; k < 2; k++)
+        p[k] = calloc((size_t)np, sizeof *p[k]);
+    assert_int_equal(cn_carry_new(&carry, s.body), CN_OK);
+    disturb(&s, 3, 0.2, 2.2);
+    for (int i = 0; i < np; i++)
+        force[i] = shape_random(&seed);
+    cn_body_carry(s.body, 5, s.x, s.rotation, carry);
+    cn_matrix_clear(s.matrix, s.matrix->n);
+    cn_body_pull(s.body, 5, s.x, s.rotation, carry, force, f0, 2, s.matrix);
+    rod_case_dense(&s, dense);
+    for (int i = 0; i < N; i++) {
+        const double xi = s.x[i], h = 1e-5;
+        for (int k = 0; k < 2; k++) {
+            s.x[i] = xi + (k ? h : -h);
+            cn_body_points(s.body, 5, s.x, s.rotation, p[k]);
+            cn_body_carry(s.body, 5, s.x, s.rotation, carry);
+            memset(f[k], 0, sizeof f[k]);
+            cn_body_pull(s.body, 5, s.x, s.rotation, carry, force, f[k], 1, NULL);
+        }
+        s.x[i] = xi;
+        double work = 0;
+        cn_body_carry(s.body, 5, s.x, s.rotation, carry);
+        for (int j = 0; j < np; j++) {
+            const int node = carry->node[j / 3], block = i / 3, c = i % 3;
+            const double got = block == node                 ? j % 3 == c
+                               : block == carry->turn + node ? carry->arm[9 * (j / 3) + 3 * (j % 3) + c]
+                                                             : 0;
+            assert_true(fabs((p[1][j] - p[0][j]) / (2 * h) - got) < 1e-9);
+            work += (p[1][j] - p[0][j]) / (2 * h) * force[j];
+        }
+        assert_true(fabs(work - f0[i]) < 1e-8);
+        for (int j = 0; j < N; j++)
+            assert_true(fabs(-2 * (f[1][j] - f[0][j]) / (2 * h) - dense[N * j + i]) < 1e-9);
+    }
+    for (int k = 0; k < 2; k++)
+        free(p[k]);
+    free(force);
+    cn_carry_free(carry);
+    rod_case_free(&s);
+}
+
+/* A skin in any order, with the node that each of its nodes rides on, is the sorted one. */
+static void a_skin_in_any_order_is_sorted(void **state)
+{
+    (void)state;
+    cn_tets *skin;
+    cn_body *body, *other;
+    int ride[28], back[28];
+    const double axis[12] = {0, 0, 0, 0, 0, -0.002, 0, 0, -0.004, 0, 0, -0.006}, normal[3] = {1, 0, 0};
+    const cn_section section[3] = {tube, tube, tube};
+    const cn_material m = {.young = 1, .poisson = 0.3};
+    cn_error error = {0};
+    assert_int_equal(cn_tets_catheter(&skin, 0.006, 0.0012, 0, 4, 6, NULL), CN_OK);
+    assert_int_equal(cn_body_new_rod(&body, 4, axis, normal, section, skin, NULL, &m, NULL), CN_OK);
+    double node[84];
+    memcpy(node, skin->node, sizeof node);
+    for (int p = 0; p < 28; p++) { /* station by station becomes side by side */
+        back[p] = p % 7 * 4 + p / 7;
+        ride[back[p]] = p / 7;
+        cn_copy3(node + 3 * p, skin->node + 3 * back[p]);
+    }
+    for (int c = 0; c < 4 * skin->ntet; c++)
+        skin->tet[c] = back[skin->tet[c]];
+    assert_int_equal(cn_body_new_rod(&other, 4, axis, normal, section, skin, ride, &m, NULL), CN_OK);
+    assert_memory_equal(body->tet, other->tet, 4 * (size_t)body->ntet * sizeof *body->tet);
+    assert_memory_equal(body->point, other->point, sizeof node);
+    cn_body_free(other);
+    ride[3] = ride[3] == 0 ? 1 : 0;
+    assert_int_equal(cn_body_new_rod(&other, 4, axis, normal, section, skin, ride, &m, &error), CN_ERR_ARG);
+    assert_non_null(strstr(error.message, "each needs 7"));
+    cn_body_free(body);
+    cn_tets_free(skin);
+}
+
+/* --- measures --- */
+
+/* Puts the rod along z into a state of constant strain: axial, curvature about n (x), twist. */
+static void strained(rod_case *s, double axial, double bend, double twist)
+{
+    const int n = s->body->nnode;
+    for (int i = 0; i < n; i++) { /* t points along -z, b along -y where n is along x */
+        const double length = 0.002 * i, angle = bend * length;
+        double *p = s->x + 3 * i, *theta = s->x + 3 * (n + i);
+        p[0] = 0;
+        p[1] = bend == 0 ? 0 : (1 + axial) * (1 - cos(angle)) / bend;
+        p[2] = bend == 0 ? -(1 + axial) * length : -(1 + axial) * sin(angle) / bend;
+        theta[0] = angle, theta[1] = 0, theta[2] = -twist * length;
+    }
+}
+
+static void measures_are_those_of_beam_theory(void **state)
+{
+    (void)state;
+    rod_case s = skinned(21, NULL);
+    cn_measures m;
+    double *stress = calloc((size_t)s.body->ntet, sizeof *stress);
+    const double length = 0.04, r = 6e-4;
+    strained(&s, 0.01, 0, 0);
+    cn_body_measure(s.body, 21, s.x, s.rotation, true, &m, stress, NULL);
+    assert_true(fabs(m.energy - 0.5 * 12 * 1e-4 * length) < 1e-12);
+    assert_true(fabs(m.volume_max - 0.2 * 0.01) < 1e-12 && fabs(m.volume_mean - 0.2 * 0.01) < 1e-12);
+    assert_true(fabs(m.volume - 1e-6 * length * 1.002) < 1e-18 && m.inverted == 0);
+    assert_true(fabs(m.stress_max - 8e4) < 1e-5 && fabs(m.stress_mean - 8e4) < 1e-5);
+    for (int e = 0; e < s.body->ntet; e++)
+        assert_true(fabs(stress[e] - 8e4) < 1e-5);
+
+    const double bend =
+        3; /* the chord of a segment is shorter than its arc by (k h)^2 / 24 = 1.5e-6, which costs 2e-6 */
+    strained(&s, 0, bend, 0);
+    cn_body_measure(s.body, 21, s.x, s.rotation, true, &m, stress, NULL);
+    assert_true(fabs(m.stress_max / (8e6 * bend * r) - 1) < 1e-3);
+    assert_true(fabs(m.volume_max / (0.2 * bend * r) - 1) < 1e-3 && m.volume_mean < 1e-6);
+    assert_true(fabs(m.energy / (0.5 * 1.4e-6 * bend * bend * length) - 1) < 3e-6);
+    for (int e = 0; e < s.body->ntet; e++) { /* by the distance of its centre from the neutral plane */
+        double centre = 0;
+        for (int a = 0; a < 4; a++)
+            centre += s.body->point[3 * s.body->tet[4 * e + a] + 1] / 4;
+        assert_true(fabs(stress[e] - 8e6 * bend * fabs(centre)) < 20);
+    }
+
+    const double twist = 20;
+    strained(&s, 0, 0, twist);
+    cn_body_measure(s.body, 21, s.x, s.rotation, true, &m, stress, NULL);
+    assert_true(fabs(m.stress_max / (sqrt(3) * 8e6 / 2.8 * r * twist) - 1) < 1e-9);
+    assert_true(fabs(m.energy / (0.5 * 1e-6 * twist * twist * length) - 1) < 1e-9);
+    assert_true(m.volume_max < 1e-12);
+    for (int i = 0; i < 21; i++)
+        s.x[3 * i + 2] *= -1; /* every segment against its frame */
+    cn_body_measure(s.body, 21, s.x, s.rotation, true, &m, NULL, NULL);
+    assert_int_equal(m.inverted, 20);
+    free(stress);
+    rod_case_free(&s);
+}
+
+/* --- sections --- */
+
+static void twist_of_a_square_and_a_strip_shears_as_the_tables_say(void **state)
+{
+    (void)state;
+    /* Timoshenko and Goodier, table of section 109: k = max shear / (G twist rate 2a), k1 = J / ((2a)^3 2b)
+     */
+    static const double table[4][3] = {
+        {1, 0.675, 0.1406}, {2, 0.930, 0.229}, {3, 0.985, 0.263}, {10, 1, 0.312}};
+    const cn_material m = {.young = 2.6, .poisson = 0.3};
+    for (int i = 0; i < 4; i++)
+        for (int turned = 0; turned < 2; turned++) {
+            cn_shape shape = {.kind = CN_SHAPE_BEAM};
+            cn_section s;
+            shape.beam.size[0] = 1, shape.beam.size[1 + turned] = 0.1,
+            shape.beam.size[2 - turned] = 0.1 * table[i][0];
+            assert_int_equal(cn_section_of(&s, &shape, &m, 2.6, NULL), CN_OK);
+            assert_true(fabs(s.twist_stress / 0.1 - table[i][1]) < 6e-4);
+            assert_true(fabs(s.torsion / (1e-4 * table[i][0]) - table[i][2]) < 6e-4);
+            double corner[2] = {s.half[0], s.half[1]}, middle[2] = {0, 0}, shear[2];
+            cn_section_twist_stress(&s, middle, shear);
+            assert_true(fabs(shear[0]) + fabs(shear[1]) < 1e-15);
+            cn_section_twist_stress(&s, corner, shear); /* the rim is free: no shear at a corner */
+            assert_true(fabs(shear[0]) + fabs(shear[1]) < 0.01 * s.twist_stress);
+        }
+}
+
+static void a_rectangle_stands_with_its_width_along_n(void **state)
+{
+    (void)state;
+    const cn_material m = {.young = 2, .poisson = 0, .density = 5};
+    cn_shape shape = {.kind = CN_SHAPE_BEAM};
+    cn_section s;
+    shape.beam.size[0] = 1, shape.beam.size[1] = 0.2, shape.beam.size[2] = 0.1;
+    assert_int_equal(cn_section_of(&s, &shape, &m, 2, NULL), CN_OK);
+    assert_true(fabs(s.bending[0] - 2 * 0.2 * 1e-3 / 12) < 1e-17); /* about n: the height along b counts */
+    assert_true(fabs(s.bending[1] - 2 * 0.1 * 8e-3 / 12) < 1e-17);
+    assert_true(fabs(s.line_inertia[2] - s.line_inertia[0] - s.line_inertia[1]) < 1e-17);
+    assert_true(fabs(s.line_mass - 0.1) < 1e-16 && s.half[0] == 0.1 && s.half[1] == 0.05);
+    shape.kind = CN_SHAPE_SPHERE;
+    assert_int_equal(cn_section_of(&s, &shape, &m, 2, NULL), CN_ERR_ARG);
+    shape.kind = CN_SHAPE_BEAM;
+    assert_int_equal(cn_section_of(&s, &shape, &m, NAN, NULL), CN_ERR_ARG);
+}
+
+/* --- refusals --- */
+
+static void what_is_no_rod_is_refused_by_segment_and_value(void **state)
+{
+    (void)state;
+    const cn_material m = {.young = 1, .poisson = 0.3};
+    const double along[3] = {0, 0, 2};
+    for (int i = 0; i < 14; i++) {
+        double axis[9] = {0, 0, 0, 0, 0, 1, 0, 0, 2}, normal[3] = {1, 0, 0};
+        cn_section section[2] = {tube, tube};
+        double *const value[6] = {&section[1].axial,  section[1].shear,       section[1].shear + 1,
+                                  section[1].bending, section[1].bending + 1, &section[1].torsion};
+        cn_error error = {0};
+        cn_body *body;
+        if (i < 6)
+            *value[i] = 0;
+        else if (i < 12)
+            *value[i - 6] = NAN;
+        else if (i == 12)
+            cn_copy3(axis + 3, axis + 6);
+        else
+            axis[8] = NAN;
+        assert_int_equal(cn_body_new_rod(&body, 3, axis, normal, section, NULL, NULL, &m, &error),
+                         CN_ERR_ARG);
+        assert_null(body);
+        assert_non_null(strstr(error.message, "segment 1"));
+    }
+    const double axis[9] = {0, 0, 0, 0, 0, 1, 0, 0, 2};
+    const cn_section section[2] = {tube, tube};
+    cn_body *body;
+    assert_int_equal(cn_body_new_rod(&body, 3, axis, along, section, NULL, NULL, &m, NULL), CN_ERR_ARG);
+    assert_int_equal(cn_body_new_rod(&body, 1, axis, axis + 3, section, NULL, NULL, &m, NULL), CN_ERR_ARG);
+    cn_tets *skin = shape_tet(1);
+    assert_int_equal(
+        cn_body_new_rod(&body, 3, axis, (const double[3]){1, 0, 0}, section, skin, NULL, &m, NULL),
+        CN_ERR_ARG);
+    cn_tets_free(skin);
+}
+
+static void every_failing_allocation_is_reported_and_a_call_takes_none(void **state)
+{
+    (void)state;
+    cn_tets *skin;
+    const double axis[12] = {0, 0, 0, 0, 0, -0.002, 0, 0, -0.004, 0, 0, -0.006}, normal[3] = {1, 0, 0};
+    const cn_section section[3] = {tube, tube, tube};
+    const cn_material m = {.young = 1, .poisson = 0.3};
+    assert_int_equal(cn_tets_catheter(&skin, 0.006, 0.0012, 0, 4, 6, NULL), CN_OK);
+    rod_case s = skinned(12, NULL);
+    for (FAIL_EACH_ALLOC) {
+        cn_error error = {0};
+        cn_body *body;
+        const cn_status status = cn_body_new_rod(&body, 4, axis, normal, section, skin, NULL, &m, &error);
+        assert_int_equal(status, fail_alloc_fired() ? CN_ERR_MEMORY : CN_OK);
+        assert_int_equal(error.status, status);
+        assert_true((body != NULL) == (status == CN_OK));
+        cn_body_free(body);
+    }
+    for (FAIL_EACH_ALLOC) {
+        cn_scatter *scatter;
+        const cn_status status = cn_body_bind(&scatter, s.body, s.matrix, 0);
+        assert_int_equal(status, fail_alloc_fired() ? CN_ERR_MEMORY : CN_OK);
+        cn_scatter_free(scatter);
+    }
+    fail_alloc_at(-1);
+    cn_measures measures;
+    rod_case_force(&s, CN_TANGENT_EXACT, s.scatter);
+    cn_body_measure(s.body, 12, s.x, s.rotation, true, &measures, NULL, NULL);
+    cn_body_turn(s.body, 12, s.x, s.rotation);
+    assert_int_equal(fail_alloc_count(), 0);
+    rod_case_free(&s);
+    cn_tets_free(skin);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(force_is_minus_the_energy_gradient),
         cmocka_unit_test(exact_tangent_is_the_derivative_of_the_force_and_symmetric),
+        cmocka_unit_test(a_rigid_motion_costs_nothing_and_turns_the_forces),
+        cmocka_unit_test(inner_forces_and_moments_sum_to_nothing),
+        cmocka_unit_test(energy_is_that_of_the_strains_by_rotation_matrices),
+        cmocka_unit_test(projected_and_warped_tangents_are_positive_and_exact_at_rest),
+        cmocka_unit_test(every_instruction_set_and_thread_count_gives_the_same),
+        cmocka_unit_test(nodes_behind_the_active_ones_take_no_part),
+        cmocka_unit_test(units_do_not_matter),
+        cmocka_unit_test(not_a_number_shows_in_the_energy_and_the_measures),
+        cmocka_unit_test(points_follow_their_frames_rigidly),
+        cmocka_unit_test(arms_and_pull_are_derivatives_of_the_points),
+        cmocka_unit_test(a_skin_in_any_order_is_sorted),
+        cmocka_unit_test(measures_are_those_of_beam_theory),
+        cmocka_unit_test(twist_of_a_square_and_a_strip_shears_as_the_tables_say),
+        cmocka_unit_test(a_rectangle_stands_with_its_width_along_n),
+        cmocka_unit_test(what_is_no_rod_is_refused_by_segment_and_value),
+        cmocka_unit_test(every_failing_allocation_is_reported_and_a_call_takes_none),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
