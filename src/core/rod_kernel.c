@@ -198,7 +198,10 @@ INLINE void strains(const cn_rod *rod, int first, const nodes *node, int k, segm
     s->bend = 3.0 / 20 + z * (15.0 / 56 + z * (35.0 / 96 + z * (315.0 / 704)));
     /* the rest of the series as a geometric one: below 1e-5 up to 60 degrees a segment, and without end
      * before it would fold right over, where the middle frame has no sense */
-    const v8 pole = 1.0 / (s->c * s->c), z4 = z * z * z * z, last = 231.0 / 13312 * z4 * pole;
+    const v8 over = 1.0 - z, least = over * 0.0 + 1e-16; /* c^2; empty lanes have no frame, and c = 0 */
+    const m8 above = over > least;
+    const v8 pole = 1.0 / (v8)((above & (m8)over) | (~above & (m8)least)), z4 = z * z * z * z,
+             last = 231.0 / 13312 * z4 * pole;
     s->sigma += last * z * z;
     s->slope += last * z * (6.0 + z * pole);
     s->bend += last * (30.0 + z * pole * (12.0 + 2.0 * z * pole));
