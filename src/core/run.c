@@ -81,6 +81,7 @@ static cn_status prepare(cn_run_data *run)
     if ((status = cn_run_specs(run)) != CN_OK) return status;
     if ((status = cn_run_supported(run)) != CN_OK) return status;
     if (!(run->body = calloc((size_t)run->nbody + 1, sizeof *run->body))) return CN_ERR_MEMORY;
+    if (!(run->leave.self = calloc((size_t)run->nbody + 1, sizeof *run->leave.self))) return CN_ERR_MEMORY;
     if (!(run->report->body = calloc((size_t)run->nbody + 1, sizeof *run->report->body)))
         return CN_ERR_MEMORY;
     int nlimit = 0;
@@ -221,6 +222,7 @@ static bool go_another_way(cn_run_data *run, int b, const cn_verdict *broken)
         const cn_status status = cn_run_replan(run, b);
         if (status == CN_OK) {
             report->replans++;
+            cn_run_forget_shots(run);
             CN_LOG(CN_LOG_INFO, "replan %d: %s", report->replans, broken->message);
             return true;
         }
@@ -296,7 +298,10 @@ static void drive_on(cn_run_data *run)
                            run->state->time);
             return;
         }
+        const int rejected = run->report->rejected_steps;
+        int newton = 0;
         cn_state_copy(run->trial, run->state);
+        cn_run_refit(run);
         for (int b = 0; b < run->nbody && broken_body < 0; b++) {
             cn_step_figures one;
             const cn_status status = cn_run_advance(run, b, &one);
@@ -308,7 +313,7 @@ static void drive_on(cn_run_data *run)
             run->trial->step = run->state->step + 1, run->trial->time = run->trial->step * run->model->dt;
             if (cn_run_limits(run, b, run->trial, &one, &broken)) broken_body = b;
             figures.newton = one.newton > figures.newton ? one.newton : figures.newton;
-            figures.kept += one.kept;
+            figures.kept += one.kept, newton += one.newton;
             figures.linear = one.linear > figures.linear ? one.linear : figures.linear;
             figures.residual = fmax(figures.residual, one.residual), figures.gap = fmin(figures.gap, one.gap);
             figures.force += one.force, figures.work += one.work;
@@ -323,11 +328,13 @@ static void drive_on(cn_run_data *run)
         }
         cn_state *accepted = run->trial;
         run->trial = run->state, run->state = accepted;
-        run->report->steps++;
+        run->report->steps++, run->newton += newton;
+        cn_run_watch(run);
         if (cn_run_sample(run, &figures, cn_seconds() - start) != CN_OK) {
             cn_run_verdict(run, CN_VERDICT_NUMERICS, "out of memory at step %d", run->state->step);
             return;
         }
+        cn_run_shoot(run, &figures, run->report->rejected_steps == rejected);
         for (int b = 0; b < run->nbody; b++)
             if (run->body[b].path) cn_run_checkpoint(run, b);
         cn_run_frame(run, run->state, false);
@@ -365,6 +372,7 @@ static void clear(cn_run_data *run)
         free(body->von_mises), free(body->turn), free(body->points);
     }
     free(run->body);
+    cn_leave_clear(&run->leave, run->nbody);
     cn_state_free(run->state), cn_state_free(run->trial), cn_state_free(run->spare);
     cn_model_free(run->model);
     cn_pool_free(run->pool);
@@ -377,7 +385,7 @@ static void begin(cn_run_data *run, cn_world *world, const cn_request *request, 
 {
     *run = (cn_run_data){
         .world = world, .scene = world->scene, .request = request, .planner = planner, .hooks = hooks};
-    run->shown_step = -1;
+    run->shown_step = -1, run->leave.every = 50;
     run->report = report, run->threads = threads < 1 ? 1 : threads > 64 ? 64 : threads;
     cn_report_refused(report, world->scene, NULL);
     report->threads = run->threads;

@@ -30,6 +30,31 @@ typedef struct {
     int refused_capacity;
 } cn_run_body;
 
+/* A step as it was taken, kept to be repeated with what was left out. */
+typedef struct {
+    cn_state *before, *after; /* NULL: not used yet */
+    int kept;                 /* Newton iterations with an earlier factor */
+    double fem_s;             /* its time [s] */
+} cn_shot;
+
+/* A body against itself, seen at some steps. */
+typedef struct {
+    struct cn_tree *tree; /* over its surface, NULL: not made yet */
+    int tested, needed;   /* from these steps on, 0: never */
+    int a, b;             /* triangles that met */
+    double distance;      /* [m] */
+} cn_self;
+
+enum { CN_SHOTS = 4 };
+typedef struct {
+    int every; /* accepted steps between two looks, 0: none */
+    int nshot, next, stride;
+    bool short_run; /* the shot is from before `every` steps */
+    cn_shot shot[CN_SHOTS];
+    int kept_steps; /* with an earlier factor */
+    cn_self *self;  /* (nbody) */
+} cn_leave;
+
 typedef struct cn_run_data cn_run_data;
 /* Called after every accepted step; false ends the run there, without a verdict. */
 typedef bool (*cn_run_visit)(void *visitor, cn_run_data *run);
@@ -54,7 +79,9 @@ struct cn_run_data {
     cn_state *state, *trial, *spare;
     cn_run_body *body;
     int shown_step; /* of the last frame handed out, -1: none */
-    long kept;      /* Newton iterations that an earlier factor served */
+    long newton;    /* Newton iterations in all, and */
+    long kept;      /* those that an earlier factor served */
+    cn_leave leave;
     int nsample, sample_capacity;
     double *fem_ms, *collision_ms, *step_ms;
     cn_run_visit visit; /* NULL: nobody */
@@ -94,6 +121,18 @@ bool cn_run_limits(cn_run_data *run, int body, cn_state *trial, const cn_step_fi
  */
 int cn_run_waypoint(const cn_run_data *run, const cn_state *state, int body);
 double cn_run_margin(const cn_run_data *run, const char **of);
+
+/* run_leave.c: after an accepted step: keeps it now and then (whole: it was not cut into parts); looks
+ * whether a body meets itself. Neither changes anything of the run. */
+void cn_run_shoot(cn_run_data *run, const cn_step_figures *figures, bool whole);
+void cn_run_watch(cn_run_data *run);
+void cn_run_forget_shots(cn_run_data *run); /* the path they followed is no more */
+/* Before a step with `leave_out.refit: off`: no other run may use the world then. */
+void cn_run_refit(cn_run_data *run);
+/* When the run is over: what was left out, why, the time that saved and the error it made. The state stays as
+ * it is; the works, `trial` and `spare` do not. */
+void cn_run_left_out(cn_run_data *run);
+void cn_leave_clear(cn_leave *leave, int nbody);
 
 /* run_record.c */
 void cn_run_verdict(cn_run_data *run, cn_verdict_code code, const char *format, ...)

@@ -174,13 +174,6 @@ static void body_figures(cn_run_data *run, int b, cn_body_report *out)
     out->polygon_axial = e.polygon_axial;
 }
 
-static void left_out(cn_run_data *run, const char *what, const char *why)
-{
-    cn_left_out *entry = &run->report->left_out[run->report->nleft_out++];
-    entry->what = what, entry->time_saved_s = NAN, entry->error = NAN;
-    snprintf(entry->why, sizeof entry->why, "%s", why);
-}
-
 void cn_run_finish(cn_run_data *run)
 {
     cn_report *report = run->report;
@@ -190,7 +183,6 @@ void cn_run_finish(cn_run_data *run)
     }
     report->time.map_s = run->world->map_s;
     if (run->model && run->state) {
-        bool stress = false, sheath = false;
         report->nbody = run->model->nbody;
         for (int b = 0; b < run->model->nbody; b++) {
             const cn_body *body = run->model->body[b].body;
@@ -198,24 +190,9 @@ void cn_run_finish(cn_run_data *run)
             report->counts.dof += 3 * body->nblock;
             report->counts.tets += body->ntet;
             body_figures(run, b, &report->body[b]);
-            sheath |= run->model->body[b].sheath;
-            for (int i = 0; i < run->spec[b].nlimit; i++)
-                stress |= run->spec[b].limit[i].quantity == CN_QUANTITY_STRESS;
         }
         report->counts.nodes = report->counts.deformable_nodes + report->counts.rigid_nodes;
-        left_out(run, "self_contact", "no body of this scene is tested against itself");
-        left_out(run, "refit", "the walls do not move");
-        if (run->kept > 0) {
-            char why[96];
-            snprintf(why, sizeof why, "%ld solves used an earlier factor: no element had turned by 0.02 rad",
-                     run->kept);
-            left_out(run, "refactor", why);
-        }
-        left_out(run, "wall_solve", "the walls are rigid");
-        if (!stress && run->scene->leave_out.stress != CN_OFF)
-            left_out(run, "stress", "no limit asks for it");
-        if (sheath)
-            left_out(run, "sheath", "nodes in the introducer sheath move along its axis and are not solved");
+        cn_run_left_out(run);
         report->time.simulated_s = run->state->time;
         report->steps = run->state->step > report->steps ? run->state->step : report->steps;
     }
