@@ -41,7 +41,7 @@ typedef struct {
     double *inertia;                   /* rod: of a node about its frame's axes [kg m^2] (nnode x 3)    */
     double damping, damping_stiffness; /* [1/s], [s] */
     double rest_volume;                /* [m^3] */
-    double spring;        /* stiffness of an element [N/m], for round-off: E' h, a rod's EA / h */
+    double spring;        /* stiffness of elements [N/m], root of the mean square over nodes: for round-off */
     double lever;         /* rod: length that makes moments forces [m]: its mean segment; else 1 */
     int npoint, ntet;     /* points (tetrahedra: nnode), and the tetrahedra over them */
     double *point;        /* their rest positions [m]; tetrahedra: `rest`   (npoint x 3)   */

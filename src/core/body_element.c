@@ -31,6 +31,23 @@ static cn_status allocate(cn_body *body, const cn_tets *mesh)
     return CN_OK;
 }
 
+/* Stiffness of an element against moving a corner [N/m]: (la + 2 mu) V |g|^2, g the steepest gradient of a
+ * shape function: the area of a face over three times the volume. */
+static double element_spring(const cn_body *body, int e)
+{
+    const int *n = body->tet + 4 * (size_t)e;
+    double most = 0;
+    for (int a = 0; a < 4; a++) {
+        const double *x = body->rest + 3 * (size_t)n[(a + 1) % 4];
+        double p[3], q[3], normal[3];
+        cn_sub(body->rest + 3 * (size_t)n[(a + 2) % 4], x, p);
+        cn_sub(body->rest + 3 * (size_t)n[(a + 3) % 4], x, q);
+        cn_cross(p, q, normal);
+        most = fmax(most, cn_norm2(normal) / 4);
+    }
+    return (body->lambda[e] + 2 * body->mu[e]) * most / (9 * body->volume[e]);
+}
+
 /* Lame constants by element (the last region that holds its centre counts). */
 static void spread_material(cn_body *body, const cn_material *m, const double *along)
 {
@@ -41,8 +58,12 @@ static void spread_material(cn_body *body, const cn_material *m, const double *a
         body->mu[e] = young / (2 * (1 + m->poisson));
         body->lambda[e] = young * m->poisson / ((1 + m->poisson) * (1 - 2 * m->poisson));
     }
-    body->spring =
-        m->young * (1 + fmax(m->poisson, 0) / (1 - 2 * m->poisson)) * cbrt(body->rest_volume / body->ntet);
+    double sum = 0;
+    for (int e = 0; e < body->ntet; e++) {
+        const double k = (body->mid ? 4 : 1) * element_spring(body, e);
+        sum += k * k;
+    }
+    body->spring = sqrt(sum / body->nnode);
     body->damping = m->damping, body->damping_stiffness = m->damping_stiffness;
 }
 
