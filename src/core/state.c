@@ -113,6 +113,7 @@ void cn_sheath_advance(const cn_model_body *body, cn_body_state *state, double a
 
 void cn_sheath_release(const cn_model_body *body, cn_body_state *state)
 {
+    if (!body->sheath) return; /* all is free, and only a catheter has stations */
     const int out = nodes_out(body, state->inserted);
     if (out > state->nfree) state->nfree = out;
 }
