@@ -194,7 +194,13 @@ typedef struct {
 
 typedef enum { CN_CONTACT_STRICT, CN_CONTACT_PROJECT, CN_CONTACT_PENALTY, CN_CONTACT_NONE } cn_contact_method;
 typedef enum { CN_RESPONSE_INELASTIC, CN_RESPONSE_ELASTIC } cn_response;
-typedef enum { CN_LINEAR_AUTO = -1, CN_LINEAR_CHOLESKY, CN_LINEAR_CG, CN_LINEAR_CHAIN } cn_linear;
+typedef enum {
+    CN_LINEAR_AUTO = -1,
+    CN_LINEAR_CHOLESKY,
+    CN_LINEAR_CG,
+    CN_LINEAR_CHAIN,
+    CN_LINEAR_PCG
+} cn_linear;
 typedef enum { CN_INTEGRATOR_EULER, CN_INTEGRATOR_MIDPOINT, CN_INTEGRATOR_TRBDF2 } cn_integrator;
 
 typedef struct {

@@ -15,6 +15,9 @@ struct cn_solver {
     cn_chain *chain;
     cn_sparse *sparse;
     cn_cg *cg;
+    bool direct;              /* CHAIN, CHOLESKY, or PCG that has fallen back on CHOLESKY ... */
+    int direct_left, pause;   /* ... for so many factors more, of this many since it did */
+    const double *place;      /* (n x 3), NULL: not known */
     double *product, *change; /* for the residual of the direct solvers (3 n each) */
 };
 
@@ -35,7 +38,16 @@ static double sparse_seconds(double flops, double size, bool supernodal)
     return (supernodal ? flops / 25e9 + 16e-9 * size : flops / 1.5e9) + 3 * 16 * size / 7e9;
 }
 
-/* The cheaper of chain and CHOLMOD; solver->sparse is kept when CHOLMOD is. */
+/* Some 60 products, each twice the matrix's way from L3, and the preconditioner. */
+static double pcg_seconds(const cn_matrix *pattern)
+{
+    return 60 * 8e-9 * pattern->nblock;
+}
+
+enum { ANALYSED = 12000, PATIENCE = 250, PAUSE = 16 };
+
+/* The cheapest of chain, CHOLMOD and PCG; solver->sparse is kept when CHOLMOD is, and to fall back on.
+ * CHOLMOD is not asked where its factor would not fit: compact bodies of many nodes. */
 static cn_status choose(cn_solver *solver, const cn_matrix *pattern, const int *level, cn_linear *kind)
 {
     double flops, size, sparse_flops, sparse_size;
@@ -48,14 +60,20 @@ static cn_status choose(cn_solver *solver, const cn_matrix *pattern, const int *
         if (level[i] >= nlevel) nlevel = level[i] + 1;
     *kind = CN_LINEAR_CHAIN;
     if (size <= 96.0 * 3 * pattern->n) return CN_OK; /* levels of 48 unknowns or fewer: no need to ask */
+    const double chain = chain_seconds(flops, size, nlevel), pcg = pcg_seconds(pattern);
+    if (pattern->n > ANALYSED) {
+        if (pcg < chain) *kind = CN_LINEAR_PCG;
+        return CN_OK;
+    }
     if ((status = cn_sparse_new(&solver->sparse, pattern)) != CN_OK) return status;
     cn_sparse_cost(solver->sparse, &sparse_flops, &sparse_size, &supernodal);
-    if (chain_seconds(flops, size, nlevel) <= sparse_seconds(sparse_flops, sparse_size, supernodal)) {
+    const double sparse = sparse_seconds(sparse_flops, sparse_size, supernodal);
+    if (chain <= sparse && chain <= pcg) {
         cn_sparse_free(solver->sparse);
         solver->sparse = NULL;
         return CN_OK;
     }
-    *kind = CN_LINEAR_CHOLESKY;
+    *kind = 2 * pcg < sparse ? CN_LINEAR_PCG : CN_LINEAR_CHOLESKY;
     return CN_OK;
 }
 
@@ -86,9 +104,10 @@ cn_status cn_solver_new(cn_solver **out, const cn_matrix *pattern, cn_linear kin
     }
     if (kind == CN_LINEAR_AUTO && (status = choose(solver, pattern, level, &kind)) != CN_OK) goto fail;
     solver->kind = kind;
-    if (kind == CN_LINEAR_CG) {
-        if ((status = cn_cg_new(&solver->cg, pattern)) != CN_OK) goto fail;
-    } else {
+    solver->direct = kind == CN_LINEAR_CHAIN || kind == CN_LINEAR_CHOLESKY;
+    if (!solver->direct && (status = cn_cg_new(&solver->cg, pattern, kind == CN_LINEAR_PCG)) != CN_OK)
+        goto fail;
+    if (solver->direct || solver->sparse) {
         status = CN_ERR_MEMORY;
         if (!(solver->product = calloc(3 * n + 1, sizeof(double)))) goto fail;
         if (!(solver->change = calloc(3 * n + 1, sizeof(double)))) goto fail;
@@ -128,6 +147,11 @@ cn_linear cn_solver_kind(const cn_solver *solver)
     return solver->kind;
 }
 
+void cn_solver_place(cn_solver *solver, const double *x)
+{
+    solver->place = x;
+}
+
 cn_status cn_solver_factor(cn_solver *solver, const cn_matrix *a, int nactive, const unsigned char *fixed,
                            cn_pool *pool)
 {
@@ -143,17 +167,21 @@ cn_status cn_solver_factor(cn_solver *solver, const cn_matrix *a, int nactive, c
         status = cn_ladder_factor(solver->ladder, a, solver->held);
     else if (solver->kind == CN_LINEAR_CHAIN)
         status = cn_chain_factor(solver->chain, a, solver->held, pool);
-    else if (solver->kind == CN_LINEAR_CG)
-        status = cn_cg_factor(solver->cg, a, nactive, solver->held);
+    else if (solver->cg && solver->direct_left == 0)
+        status = cn_cg_factor(solver->cg, a, nactive, solver->held, solver->place, pool);
     else
         status = cn_sparse_factor(solver->sparse, a, solver->held);
+    if (solver->cg) {
+        solver->direct = solver->direct_left > 0;
+        if (solver->direct) solver->direct_left--;
+    }
     solver->factored = status == CN_OK;
     return status;
 }
 
 static cn_status solve_direct(cn_solver *solver, const double *b, double *x, cn_pool *pool)
 {
-    if (solver->kind == CN_LINEAR_CHOLESKY) return cn_sparse_solve(solver->sparse, solver->held, b, x);
+    if (solver->kind != CN_LINEAR_CHAIN) return cn_sparse_solve(solver->sparse, solver->held, b, x);
     if (solver->ladder)
         cn_ladder_solve(solver->ladder, b, x);
     else
@@ -176,6 +204,26 @@ static double residual_of(cn_solver *solver, const double *b, const double *x, c
     return rr == 0 ? 0 : sqrt(rr / bb);
 }
 
+/* PCG; where it is slow and there is CHOLESKY that takes over, for longer each time. */
+static cn_status solve_cg(cn_solver *solver, const double *b, double *x, double tolerance, int max_iterations,
+                          int *iterations, double *residual, cn_pool *pool)
+{
+    const bool bounded = solver->sparse && max_iterations > PATIENCE;
+    cn_status status = cn_cg_solve(solver->cg, b, x, tolerance, bounded ? PATIENCE : max_iterations,
+                                   iterations, residual, pool);
+
+    if (status == CN_OK) solver->pause = solver->pause / 2;
+    if (status != CN_ERR_CONVERGENCE || !bounded) return status;
+    solver->factored = false;
+    if ((status = cn_sparse_factor(solver->sparse, solver->matrix, solver->held)) != CN_OK) return status;
+    solver->factored = solver->direct = true;
+    solver->pause = solver->pause < PAUSE        ? PAUSE
+                    : solver->pause < 64 * PAUSE ? 2 * solver->pause
+                                                 : solver->pause;
+    solver->direct_left = solver->pause;
+    return CN_OK;
+}
+
 enum { REFINEMENTS = 3 };
 
 cn_status cn_solver_solve(cn_solver *solver, const double *b, double *x, double tolerance, int max_iterations,
@@ -189,11 +237,12 @@ cn_status cn_solver_solve(cn_solver *solver, const double *b, double *x, double 
     if (!solver->factored) return CN_ERR_ARG;
     for (int i = 0; i < nactive; i++)
         if (solver->held[i]) x[3 * (size_t)i] = x[3 * (size_t)i + 1] = x[3 * (size_t)i + 2] = 0;
-    if (solver->kind == CN_LINEAR_CG)
-        return cn_cg_solve(solver->cg, b, x, tolerance, max_iterations, iterations, residual, pool);
-
+    if (!solver->direct) {
+        status = solve_cg(solver, b, x, tolerance, max_iterations, iterations, residual, pool);
+        if (status != CN_OK || !solver->direct) return status;
+    }
     if ((status = solve_direct(solver, b, x, pool)) != CN_OK) return status;
-    if (iterations) *iterations = 1;
+    if (iterations) ++*iterations;
     if (!residual) return CN_OK;
     *residual = residual_of(solver, b, x, pool);
     for (int k = 0; k<REFINEMENTS && * residual> tolerance; k++) {

@@ -1,6 +1,7 @@
 /* solve_cg.c - conjugate gradients with block-Jacobi preconditioner (Hestenes and Stiefel 1952; the paper's
- * solver). Three passes over slices of rows an iteration; each slice's share of a dot product stands apart
- * and the shares are added in order, so that the result does not depend on the number of threads. */
+ * solver), to which the coarse space's correction may be added (two levels): z = D^-1 r + Z (Z'AZ)^-1 Z' r.
+ * Three passes over slices of rows an iteration; each slice's share of a dot product stands apart and the
+ * shares are added in order, so that the result does not depend on the number of threads. */
 #include "solve_parts.h"
 
 #include <float.h>
@@ -16,13 +17,14 @@ struct cn_cg {
     double *share;     /* of each slice in up to three sums                     (slices x 3) */
     const cn_matrix *matrix;
     const unsigned char *held;
+    cn_coarse *coarse; /* NULL: one level */
     /* what the passes work on */
     const double *b;
     double *x;
     double alpha, beta;
 };
 
-cn_status cn_cg_new(cn_cg **out, const cn_matrix *pattern)
+cn_status cn_cg_new(cn_cg **out, const cn_matrix *pattern, bool two_levels)
 {
     const size_t n = (size_t)pattern->n, slices = n / CN_MATRIX_SLICE + 1;
     cn_cg *cg = calloc(1, sizeof *cg);
@@ -30,9 +32,12 @@ cn_status cn_cg_new(cn_cg **out, const cn_matrix *pattern)
     *out = NULL;
     if (!cg) return CN_ERR_MEMORY;
     cg->n = pattern->n;
-    if (!(cg->inverse = calloc(18 * n + 3 * slices, sizeof(double)))) {
+    cn_status status = two_levels ? cn_coarse_new(&cg->coarse, pattern) : CN_OK;
+    if (status == CN_OK && !(cg->inverse = calloc(18 * n + 3 * slices, sizeof(double))))
+        status = CN_ERR_MEMORY;
+    if (status != CN_OK) {
         cn_cg_free(cg);
-        return CN_ERR_MEMORY;
+        return status;
     }
     cg->r = cg->inverse + 6 * n;
     cg->p = cg->r + 3 * n;
@@ -46,6 +51,7 @@ cn_status cn_cg_new(cn_cg **out, const cn_matrix *pattern)
 void cn_cg_free(cn_cg *cg)
 {
     if (!cg) return;
+    cn_coarse_free(cg->coarse);
     free(cg->inverse);
     free(cg);
 }
@@ -67,7 +73,8 @@ static bool invert(const double *a, double *inverse)
     return true;
 }
 
-cn_status cn_cg_factor(cn_cg *cg, const cn_matrix *a, int nactive, const unsigned char *held)
+cn_status cn_cg_factor(cn_cg *cg, const cn_matrix *a, int nactive, const unsigned char *held, const double *x,
+                       cn_pool *pool)
 {
     cg->matrix = a;
     cg->held = held;
@@ -80,7 +87,7 @@ cn_status cn_cg_factor(cn_cg *cg, const cn_matrix *a, int nactive, const unsigne
         else if (!invert(a->value + 9 * (size_t)a->diagonal[i], inverse))
             return CN_ERR_SINGULAR;
     }
-    return CN_OK;
+    return cg->coarse ? cn_coarse_factor(cg->coarse, a, held, x, pool) : CN_OK;
 }
 
 static int slice_end(const cn_cg *cg, int slice)
@@ -102,7 +109,7 @@ static double precondition(const cn_cg *cg, int i)
     return r[0] * z[0] + r[1] * z[1] + r[2] * z[2];
 }
 
-/* r = b - A x, p = z = M^-1 r; shares of r.z, r.r, b.b */
+/* r = b - A x, z = D^-1 r; shares of r.z, r.r, b.b */
 static void start_slice(void *user, int slice)
 {
     cn_cg *cg = user;
@@ -118,7 +125,6 @@ static void start_slice(void *user, int slice)
             bb += b * b;
         }
         rz += precondition(cg, i);
-        memcpy(cg->p + 3 * (size_t)i, cg->z + 3 * (size_t)i, 3 * sizeof *cg->p);
     }
     memcpy(cg->share + 3 * (size_t)slice, (double[3]){rz, rr, bb}, 3 * sizeof *cg->share);
 }
@@ -136,7 +142,7 @@ static void product_slice(void *user, int slice)
     cg->share[3 * (size_t)slice] = pq;
 }
 
-/* x += alpha p, r -= alpha q, z = M^-1 r; shares of r.z, r.r */
+/* x += alpha p, r -= alpha q, z = D^-1 r; shares of r.z, r.r */
 static void step_slice(void *user, int slice)
 {
     cn_cg *cg = user;
@@ -155,14 +161,18 @@ static void step_slice(void *user, int slice)
     memcpy(cg->share + 3 * (size_t)slice, (double[3]){rz, rr, 0}, 3 * sizeof *cg->share);
 }
 
-/* p = z + beta p */
+/* p = M^-1 r + beta p; beta 0: whatever p was */
 static void turn_slice(void *user, int slice)
 {
     cn_cg *cg = user;
-    const int end = 3 * slice_end(cg, slice);
+    const int end = slice_end(cg, slice);
 
-    for (int c = 3 * slice * CN_MATRIX_SLICE; c < end; c++)
-        cg->p[c] = cg->z[c] + cg->beta * cg->p[c];
+    for (int i = slice * CN_MATRIX_SLICE; i < end; i++) {
+        double *z = cg->z + 3 * (size_t)i, *p = cg->p + 3 * (size_t)i;
+        if (cg->coarse) cn_coarse_add(cg->coarse, i, z);
+        for (int k = 0; k < 3; k++)
+            p[k] = cg->beta == 0 ? z[k] : z[k] + cg->beta * p[k];
+    }
 }
 
 static double sum_shares(const cn_cg *cg, int which)
@@ -174,17 +184,27 @@ static double sum_shares(const cn_cg *cg, int which)
     return sum;
 }
 
+/* r . M^-1 r, its coarse part solved for. */
+static cn_status coarse_part(cn_cg *cg, double *rz, cn_pool *pool)
+{
+    double more = 0;
+    const cn_status status = cg->coarse ? cn_coarse_solve(cg->coarse, cg->r, &more, pool) : CN_OK;
+
+    *rz = sum_shares(cg, 0) + more;
+    return status;
+}
+
 cn_status cn_cg_solve(cn_cg *cg, const double *b, double *x, double tolerance, int max_iterations,
                       int *iterations, double *residual, cn_pool *pool)
 {
-    double first, second;
     int *count = iterations ? iterations : &(int){0};
     double *reached = residual ? residual : &(double){0};
+    cn_status status;
 
     cg->b = b, cg->x = x;
     for (*count = 0;;) { /* from the true residual, again when the updated one has drifted from it */
         cn_pool_run(pool, cg->nslice, start_slice, cg);
-        double rz = sum_shares(cg, 0), rr = sum_shares(cg, 1);
+        double rz = 0, before = 0, rr = sum_shares(cg, 1);
         const double bb = sum_shares(cg, 2), goal = tolerance * tolerance * bb;
         *reached = rr == 0 ? 0 : sqrt(rr / bb);
         if (!isfinite(rr) || !isfinite(bb)) return CN_ERR_NOT_FINITE;
@@ -197,15 +217,16 @@ cn_status cn_cg_solve(cn_cg *cg, const double *b, double *x, double tolerance, i
         }
         if (*count >= max_iterations) return CN_ERR_CONVERGENCE;
         for (; *count < max_iterations && rr > goal; ++*count) {
+            if ((status = coarse_part(cg, &rz, pool)) != CN_OK) return status;
+            cg->beta = before > 0 ? rz / before : 0;
+            before = rz;
+            cn_pool_run(pool, cg->nslice, turn_slice, cg);
             cn_pool_run(pool, cg->nslice, product_slice, cg);
             const double pq = sum_shares(cg, 0);
             if (!(pq > 0)) return isnan(pq) ? CN_ERR_NOT_FINITE : CN_ERR_SINGULAR;
             cg->alpha = rz / pq;
             cn_pool_run(pool, cg->nslice, step_slice, cg);
-            first = sum_shares(cg, 0), second = sum_shares(cg, 1);
-            cg->beta = first / rz;
-            rz = first, rr = second;
-            cn_pool_run(pool, cg->nslice, turn_slice, cg);
+            rr = sum_shares(cg, 1);
         }
     }
 }

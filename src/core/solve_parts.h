@@ -49,11 +49,26 @@ void cn_sparse_cost(const cn_sparse *sparse, double *flops, double *size, bool *
 cn_status cn_sparse_factor(cn_sparse *sparse, const cn_matrix *a, const unsigned char *held);
 cn_status cn_sparse_solve(cn_sparse *sparse, const unsigned char *held, const double *b, double *x);
 
-/* Conjugate gradients with the inverted 3x3 diagonal blocks as preconditioner. */
+/* Aggregates of nodes, each moved as a rigid body: the coarse space Z of a two-level preconditioner. */
+typedef struct cn_coarse cn_coarse;
+cn_status cn_coarse_new(cn_coarse **out, const cn_matrix *pattern);
+void cn_coarse_free(cn_coarse *coarse);
+/* Factors Z'AZ. x: where the nodes are (n x 3), NULL: not known, aggregates do not turn. held must live until
+ * the last solve. */
+cn_status cn_coarse_factor(cn_coarse *coarse, const cn_matrix *a, const unsigned char *held, const double *x,
+                           cn_pool *pool);
+/* Takes Z' r, solves; *dot = Z'r . (Z'AZ)^-1 Z'r. Then cn_coarse_add adds node i's part of Z (Z'AZ)^-1 Z' r.
+ */
+cn_status cn_coarse_solve(cn_coarse *coarse, const double *r, double *dot, cn_pool *pool);
+void cn_coarse_add(const cn_coarse *coarse, int i, double z[3]);
+
+/* Conjugate gradients with the inverted 3x3 diagonal blocks as preconditioner, and with two levels the coarse
+ * space's correction, which knows where the nodes are (x, as above). */
 typedef struct cn_cg cn_cg;
-cn_status cn_cg_new(cn_cg **out, const cn_matrix *pattern);
+cn_status cn_cg_new(cn_cg **out, const cn_matrix *pattern, bool two_levels);
 void cn_cg_free(cn_cg *cg);
-cn_status cn_cg_factor(cn_cg *cg, const cn_matrix *a, int nactive, const unsigned char *held);
+cn_status cn_cg_factor(cn_cg *cg, const cn_matrix *a, int nactive, const unsigned char *held, const double *x,
+                       cn_pool *pool);
 cn_status cn_cg_solve(cn_cg *cg, const double *b, double *x, double tolerance, int max_iterations,
                       int *iterations, double *residual, cn_pool *pool);
 

@@ -255,6 +255,7 @@ static bool factor_serves(const cn_stage *s)
 static cn_status factor(const cn_stage *s)
 {
     cn_work *work = s->work;
+    cn_solver_place(work->solver, s->x);
     const cn_status status = cn_solver_factor(work->solver, work->matrix, s->rows, work->held, work->pool);
     work->factored = status == CN_OK && cn_solver_kind(work->solver) != CN_LINEAR_CG;
     work->factored_nfree = s->nfree, work->factored_h = s->h;
@@ -262,18 +263,33 @@ static cn_status factor(const cn_stage *s)
     return status;
 }
 
+/* Part of the residual that an iterative solver may leave. */
+static const double FORCING = 0.05;
+
+/* How far an iterative solver has to go: no further than the iteration's own error, of second order
+ * (Eisenstat and Walker 1996, choice 2), nor than what is asked of the step. */
+static double forcing(double residual, double before, double aim)
+{
+    const double ratio = residual / before; /* 0 at first */
+    const double own = ratio > 0 ? fmin(FORCING, 0.5 * ratio * ratio) : FORCING;
+    return fmin(0.5, fmax(own, 0.5 * aim / residual));
+}
+
 /* dx = - H^-1 g with the factor at hand, and its slope g . dx. */
 static cn_status solve(const cn_stage *s, double *slope, cn_step_figures *figures)
 {
     cn_work *work = s->work;
-    const double tolerance = work->model->scene->solver.linear_tolerance;
+    const cn_linear kind = cn_solver_kind(work->solver);
+    const bool iterative = kind == CN_LINEAR_CG || kind == CN_LINEAR_PCG;
+    const double least = work->model->scene->solver.linear_tolerance;
+    const double tolerance = iterative && !work->model->single ? fmax(least, work->forcing) : least;
     int iterations = 0;
     double residual = 0;
     for (int i = 0; i < 3 * s->rows; i++)
         work->trial[i] = work->dx[i] = 0;
     EACH_FREE(s, i)
     cn_axpy(-1, work->gradient + 3 * i, work->trial + 3 * i);
-    const bool checked = cn_solver_kind(work->solver) != CN_LINEAR_CHAIN; /* a chain's is round-off */
+    const bool checked = kind != CN_LINEAR_CHAIN; /* a chain's is round-off */
     cn_status status = cn_solver_solve(work->solver, work->trial, work->dx, tolerance, 1000, &iterations,
                                        checked ? &residual : NULL, work->pool);
     if (iterations > figures->linear) figures->linear = iterations;
@@ -356,6 +372,7 @@ cn_status cn_stage_minimise(const cn_stage *s, cn_step_figures *figures)
         if (done == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
         if (keep && done && residual > 0.2 * before) keep = false; /* too stale to gain by */
         if (!keep && !assembled) energy = evaluate(s, s->x, work->u, tangent);
+        work->forcing = forcing(residual, before, aim);
         if ((status = newton_direction(s, keep, &slope, figures)) != CN_OK) return status;
         figures->newton++;
         /* an iterate that is expected to be the last is seen without the matrix */

@@ -30,6 +30,7 @@ struct cn_work {
     unsigned char *held;                /* fixed, or a rod's in the sheath (nblock) */
     double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
     double collision_s;
+    double forcing;        /* what an iterative solver may leave of the residual */
     double added;          /* inertia that last made the exact tangent positive definite, over M/h^2 */
     bool factored;         /* the solver holds a factor of an earlier iteration, made ... */
     int factored_nfree;    /* ... with this many free nodes */

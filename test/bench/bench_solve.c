@@ -35,7 +35,7 @@ static double young(const cn_body *body, int e)
 
 static void bench(const char *name, cn_body body, int stations, double modulus, int repeats)
 {
-    static const char *const kinds[] = {"auto", "cholesky", "cg", "chain"};
+    static const char *const kinds[] = {"auto", "cholesky", "cg", "chain", "pcg"};
     const cn_body *const bodies[] = {&body};
     const size_t n3 = 3 * (size_t)body.nnode;
     double *b = malloc(n3 * sizeof *b), *x = malloc(n3 * sizeof *x), factor[1000], solve[1000], product[1000];
@@ -50,7 +50,7 @@ static void bench(const char *name, cn_body body, int stations, double modulus, 
     for (size_t k = 0; k < n3; k++)
         b[k] = 1e-6 * cos(0.1 * (double)k);
     printf("%s: %d nodes, %d tetrahedra, %d blocks\n", name, body.nnode, body.ntet, a->nblock);
-    for (int kind = CN_LINEAR_AUTO; kind <= CN_LINEAR_CHAIN; kind++)
+    for (int kind = CN_LINEAR_AUTO; kind <= CN_LINEAR_PCG; kind++)
         for (int threads = 1; threads <= 2; threads++) {
             cn_solver *solver;
             cn_pool *pool;
@@ -64,9 +64,9 @@ static void bench(const char *name, cn_body body, int stations, double modulus, 
                 const double t0 = now_ms();
                 const cn_status status = cn_solver_factor(solver, a, body.nnode, NULL, pool);
                 const double t1 = now_ms();
-                if (kind == CN_LINEAR_CG) memset(x, 0, n3 * sizeof *x);
+                if (kind == CN_LINEAR_CG || kind == CN_LINEAR_PCG) memset(x, 0, n3 * sizeof *x);
                 if (status != CN_OK) exit(1);
-                if (kind == CN_LINEAR_CG)
+                if (kind == CN_LINEAR_CG || kind == CN_LINEAR_PCG)
                     cn_solver_solve(solver, b, x, 1e-3, 3000, &iterations, &residual, pool);
                 else
                     cn_solver_solve(solver, b, x, 0, 0, NULL, NULL, pool);
@@ -77,7 +77,7 @@ static void bench(const char *name, cn_body body, int stations, double modulus, 
                     b[k] = 1e-6 * cos(0.1 * (double)k);
                 factor[runs] = t1 - t0, solve[runs] = t2 - t1, product[runs] = t3 - t2;
             }
-            if (kind != CN_LINEAR_CG) cn_solver_solve(solver, b, x, 1, 0, &iterations, &residual, pool);
+            if (kind != CN_LINEAR_CG && kind != CN_LINEAR_PCG) cn_solver_solve(solver, b, x, 1, 0, &iterations, &residual, pool);
             printf(
                 "  %-8s threads %d: analysis %7.1f  factor %8.3f  solve %8.3f  (A x %.3f)  residual %.1e, %d "
                 "iterations%s\n",

@@ -132,7 +132,7 @@ static void every_solver_agrees_with_dense_elimination(void **state)
             for (int c = 0; c < 3 * n; c++)
                 b[c] = noise(&seed);
             solve_dense(a, nactive, variant / 2 ? fixed : NULL, b, reference);
-            for (int kind = CN_LINEAR_AUTO; kind <= CN_LINEAR_CHAIN; kind++) {
+            for (int kind = CN_LINEAR_AUTO; kind <= CN_LINEAR_PCG; kind++) {
                 cn_solver *solver;
                 double residual = 1;
                 for (int c = 0; c < 3 * n; c++)
@@ -259,7 +259,7 @@ static void threads_change_no_bit(void **state)
 
     (void)state;
     assert_int_equal(cn_pool_new(&pool, 2), CN_OK);
-    for (int kind = CN_LINEAR_CHOLESKY; kind <= CN_LINEAR_CHAIN; kind++)
+    for (int kind = CN_LINEAR_CHOLESKY; kind <= CN_LINEAR_PCG; kind++)
         for (int nactive = 70; nactive <= c->a->n; nactive += c->a->n - 70) {
             cn_solver *solver;
             memset(c->x, 0, sizeof c->x);
@@ -283,7 +283,7 @@ static void units_change_nothing_but_the_scale(void **state)
     const double scale = 0x1p-60;
 
     (void)state;
-    for (int kind = CN_LINEAR_CHOLESKY; kind <= CN_LINEAR_CHAIN; kind++) {
+    for (int kind = CN_LINEAR_CHOLESKY; kind <= CN_LINEAR_PCG; kind++) {
         cn_solver *solver;
         memset(c->x, 0, sizeof c->x);
         memset(c->y, 0, sizeof c->y);
@@ -312,7 +312,7 @@ static void an_indefinite_matrix_is_refused_and_the_next_one_taken(void **state)
     (void)state;
     for (int i = 0; i < 3 * 280; i++)
         b[i] = 1;
-    for (int kind = CN_LINEAR_CHOLESKY; kind <= CN_LINEAR_CHAIN; kind++) {
+    for (int kind = CN_LINEAR_CHOLESKY; kind <= CN_LINEAR_PCG; kind++) {
         cn_solver *solver;
         fill_dominant(a, 1);
         assert_int_equal(cn_solver_new(&solver, a, kind, NULL, NULL), CN_OK);
@@ -405,14 +405,15 @@ static void cg_starts_warm_stops_at_its_tolerance_and_counts(void **state)
     catheter_free(c);
 }
 
-static void auto_takes_a_chain_where_there_is_one(void **state)
+static void auto_takes_what_the_shape_asks_for(void **state)
 {
     cn_body rod = shape(0, 11), cube = body_sweep(section_square(12, 1), 13, 1);
-    const cn_body *const shapes[] = {&rod, &cube};
-    const cn_linear expected[] = {CN_LINEAR_CHAIN, CN_LINEAR_CHOLESKY};
+    cn_body small = body_sweep(section_square(6, 1), 7, 1);
+    const cn_body *const shapes[] = {&rod, &small, &cube};
+    const cn_linear expected[] = {CN_LINEAR_CHAIN, CN_LINEAR_CHOLESKY, CN_LINEAR_PCG};
 
     (void)state;
-    for (int s = 0; s < 2; s++) {
+    for (int s = 0; s < 3; s++) {
         cn_matrix *a = pattern_of(shapes[s]);
         cn_solver *solver;
         assert_int_equal(cn_solver_new(&solver, a, CN_LINEAR_AUTO, NULL, NULL), CN_OK);
@@ -421,6 +422,7 @@ static void auto_takes_a_chain_where_there_is_one(void **state)
         cn_matrix_free(a);
     }
     body_drop(&rod);
+    body_drop(&small);
     body_drop(&cube);
 }
 
@@ -544,7 +546,7 @@ static void every_failing_allocation_is_reported(void **state)
 
     (void)state;
     for (int s = 0; s < 2; s++)
-        for (int kind = CN_LINEAR_AUTO; kind <= CN_LINEAR_CHAIN; kind++)
+        for (int kind = CN_LINEAR_AUTO; kind <= CN_LINEAR_PCG; kind++)
             for (int own = 0; own < 2; own++) {
                 bool fired = true;
                 for (long n = 0; fired; n++) {
@@ -584,7 +586,7 @@ int main(void)
         cmocka_unit_test(cg_meets_negative_curvature_and_says_so),
         cmocka_unit_test(a_free_body_without_mass_is_singular),
         cmocka_unit_test(cg_starts_warm_stops_at_its_tolerance_and_counts),
-        cmocka_unit_test(auto_takes_a_chain_where_there_is_one),
+        cmocka_unit_test(auto_takes_what_the_shape_asks_for),
         cmocka_unit_test(levels_that_do_not_fit_are_refused),
         cmocka_unit_test(factor_and_solve_allocate_nothing),
         cmocka_unit_test(a_supernodal_refactor_allocates_two_blocks),
