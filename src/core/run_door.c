@@ -97,6 +97,9 @@ cn_status cn_run_supported(cn_run_data *run)
         const cn_body_spec *body = &run->spec[b];
         if (body->model == CN_BODY_MOLECULES)
             return unsupported(run, body->name, "model molecules", "use model: tet4, tet10 or rod");
+        if (body->model == CN_BODY_ROD && scene->contact.method == CN_CONTACT_PROJECT)
+            return unsupported(run, body->name, "contact.method project, which moves nodes, for a rod",
+                               "use strict, or model: tet4");
         if (body->drive.mode != CN_DRIVE_FOLLOW)
             return unsupported(run, body->name, "drive mode push", "use mode: follow");
         if (body->skin_file) return unsupported(run, body->name, "a skin", "leave out `skin`");

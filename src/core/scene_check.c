@@ -135,11 +135,9 @@ cn_status cn_check_path(struct cn_reader *reader, int node, void *base)
 
 cn_status cn_check_body(struct cn_reader *reader, int node, void *base)
 {
-    static const cn_key model = {.choices = CN_BODY_MODELS, .low = CN_BODY_AUTO};
     cn_body_spec *body = base;
     const bool catheter = body->shape.kind == CN_SHAPE_CATHETER;
-    if (body->model == CN_BODY_AUTO)
-        body->model = catheter ? (cn_body_model)cn_key_choice(&model, CN_CATHETER_MODEL) : CN_BODY_TET4;
+    if (body->model == CN_BODY_AUTO && !catheter) body->model = CN_BODY_TET4;
     if (body->model == CN_BODY_ROD && body->shape.kind == CN_SHAPE_FILE)
         return cn_reader_refuse(reader, node, "model",
                                 "a rod needs an axis: the shape must be a catheter or a beam");
@@ -261,6 +259,12 @@ cn_status cn_check_scene(struct cn_reader *reader, int node, void *base)
     if ((status = check_integrator(reader, node, scene)) != CN_OK) return status;
     for (int i = 0; i < scene->nbody; i++, entry = reader->tree.node[entry].next) {
         cn_path_spec *path = &scene->body[i].path;
+        /* a rod has no nodes on its surface that these could move or push */
+        if (scene->body[i].model == CN_BODY_AUTO)
+            scene->body[i].model =
+                scene->contact.method == CN_CONTACT_PROJECT || scene->contact.method == CN_CONTACT_PENALTY
+                    ? CN_BODY_TET4
+                    : CN_BODY_ROD;
         if ((int)path->sampling == CN_AUTO)
             path->sampling = scene->nvessel ? CN_SAMPLING_MEDIAL_AXIS : CN_SAMPLING_UNIFORM;
         if (path->region == CN_REGION_BAND && !has_surface(scene, path->band_surface))

@@ -253,7 +253,7 @@ static const cn_schema skin_schema = {skin_keys, NULL};
 static const cn_key body_keys[] = {
     {"name",       CN_KEY_TEXT,   CN_REQUIRED | CN_NUMBERED, "device", 1, 63, "", "unique among vessels, obstacles and bodies", AT(cn_body_spec, name)},
     {"shape",      CN_KEY_MAP,    CN_REQUIRED, "", ANY, "its form at rest", AT(cn_body_spec, shape), MAP(body_shape_schema)},
-    {"model",      CN_KEY_CHOICE, 0,           "auto", -1, 0, "", "how it deforms: tetrahedra of first or second order, a rod of frames, molecules; auto: " CN_CATHETER_MODEL " for a catheter, else tet4", AT(cn_body_spec, model), BODY_MODEL},
+    {"model",      CN_KEY_CHOICE, 0,           "auto", -1, 0, "", "how it deforms: tetrahedra of first or second order, a rod of frames, molecules; auto: rod for a catheter (tet4 with contact that moves nodes: project, penalty), else tet4", AT(cn_body_spec, model), BODY_MODEL},
     {"molecules",  CN_KEY_MAP,    0,           "", ANY, "for model: molecules", MAP(molecule_schema)},
     {"material",   CN_KEY_MAP,    CN_REQUIRED, "", ANY, "elastic constants and mass", AT(cn_body_spec, material), MAP(material_schema)},
     {"start",      CN_KEY_MAP,    0,           "", ANY, "motion at t = 0", MAP(start_schema)},
@@ -282,7 +282,7 @@ static const cn_key contact_keys[] = {
 static const cn_schema contact_schema = {contact_keys, NULL};
 static const cn_key solver_keys[] = {
     {"newton",           CN_KEY_COUNT,  CN_MAY_AUTO, "auto", 1, 1000, "", "most Newton iterations a step; 1: one linear solve a step", AT(cn_scene, solver.newton)},
-    {"linear",           CN_KEY_CHOICE, 0,        "auto", -1, 0, "", "linear solver; auto: by the matrix", AT(cn_scene, solver.linear), .choices = "auto|cholesky|cg|chain|pcg"},
+    {"linear",           CN_KEY_CHOICE, 0,        "auto", -1, 0, "", "linear solver; auto: by the matrix", AT(cn_scene, solver.linear), .choices = "auto|cholesky|cg|chain"},
     {"integrator",       CN_KEY_CHOICE, 0,        "euler", 0, 0, "", "in time, implicit: euler of first order; midpoint (keeps energy) and trbdf2 (damps what the step does not resolve) of second", AT(cn_scene, solver.integrator), .choices = "euler|midpoint|trbdf2"},
     {"tolerance",        CN_KEY_REAL,   CN_ABOVE | CN_BELOW, "1.0e-3", 0, 1, "", "of the nonlinear residual over the largest of the external, internal and inertial forces", AT(cn_scene, solver.tolerance)},
     {"linear_tolerance", CN_KEY_REAL,   CN_ABOVE | CN_BELOW, "1.0e-4", 0, 1, "", "of an iterative linear solve's residual over its right-hand side", AT(cn_scene, solver.linear_tolerance)},

@@ -65,7 +65,6 @@ typedef struct cn_key {
 } cn_key;
 
 #define CN_BODY_MODELS    "auto|tet4|tet10|rod|molecules"
-#define CN_CATHETER_MODEL "tet4" /* what `auto` is for a catheter */
 
 extern const cn_schema cn_scene_schema; /* of cn_scene */
 
