@@ -7,15 +7,12 @@ COLUMNS = ["problem", "reference", "model", "method", "linear", "integrator", "r
            "time_over_paper", "newton_max", "linear_max", "residual_max", "inverted_max", "status", "message",
            "pareto", "command"]
 
-SOLVERS = ("cholesky", "cg", "pcg")  # besides the default; `chain` is what the default takes on chains
-
-
 def ways(study, problem, model):
     """(method, linear solver, integrator) worth a curve: the default; other solvers and integrators; the paper's,
     which knows only linear tetrahedra."""
     found = [("own", "auto", "euler")]
-    if not study.quick and not problem.once and problem.steps[0] is None:
-        found += [("own", linear, "euler") for linear in SOLVERS if linear in study.linear]
+    if not study.quick:
+        found += [("own", linear, "euler") for linear in problem.solvers if linear in study.linear]
     if problem.steps[0] is not None:
         found += [("own", "auto", integrator) for integrator in study.integrators if integrator != "euler"]
     if model == "tet4":
@@ -81,7 +78,8 @@ def study_problem(study, problem):
     for model in study.models:
         for way in ways(study, problem, model):
             pairs = pairs_of(problem.settings(model, study.quick), problem.steps_of(model))
-            runs = 1 if study.quick or problem.once or way[1] in SOLVERS and way[0] == "own" else 3
+            other_solver = way[0] == "own" and way[1] != "auto"
+            runs = 1 if study.quick or problem.once or other_solver else 3
             for resolution, step in pairs:
                 row = one(study, problem, file, model, way, resolution, step, runs)
                 rows.append(row)

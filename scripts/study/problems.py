@@ -21,7 +21,8 @@ class Problem:
     limit = 30       # of a run [s]
     points = False   # whether `error` needs the last frame
     finished = ("ran",)  # status of a run that got to its end
-    once = False     # by the default solver alone, one timing
+    once = False     # one timing
+    solvers = ("cholesky", "cg", "pcg")  # to be shown besides the default
 
     def __init__(self, name, title, answer, scene):
         self.name, self.title, self.answer, self.scene = name, title, answer, scene
@@ -102,6 +103,7 @@ class Cantilever(Problem):
 class Elastica(Problem):
     """Dead tip load that bends a square beam of 100 depths through more than a right angle's two thirds."""
     LENGTH, DEPTH, YOUNG = 1.0, 0.01, 1e7
+    solvers = ("cholesky",)  # CG needs minutes on bodies so slender: the paper's method shows it
 
     def __init__(self, study):
         rows = table(study, "elastica_tip_load")
@@ -146,6 +148,7 @@ def stations(counts, sides=6):
 
 class OwnWeight(Problem):
     """A catheter let go to its rest under its own weight, damped; its length follows from the table's load."""
+    solvers = ("cholesky",)
 
     def __init__(self, study):
         rows = table(study, "elastica_own_weight")
@@ -213,7 +216,7 @@ def mean_turn(rest, last, x):
 
 class Swing(Problem):
     """The seed's catheter let go as a horizontal cantilever; where its tip is after 1 s."""
-    LENGTH, limit = 1.0, 100
+    LENGTH, limit, solvers = 1.0, 100, ()
 
     def __init__(self, study):
         super().__init__(
@@ -268,7 +271,7 @@ class Swing(Problem):
 
 class Liver(Problem):
     """The demo, a catheter from the groin to the liver: where the device lies when its tip has arrived."""
-    limit, points, finished, once = 200, True, ("reached",), True
+    limit, points, finished, once, solvers = 200, True, ("reached",), True, ()
     DIRECTION = numpy.array([0, 0, 1.0])
 
     def __init__(self, study):

@@ -162,15 +162,15 @@ def levels(row):
 def speed_part(study, rows, sizes, fits):
     lines = ["## Speed", "",
              "Median and 95 %% step times in one sitting, %d threads. *Own* is the default method: every step is "
-             "solved to the tolerance. Where both methods stand, they went on in turns from the same three "
-             "states of one run, 200 steps each (`catnav study paper`); ratios for whole runs are therefore "
-             "extrapolated from these steps." % study.threads, ""]
+             "solved to the tolerance. Where both methods stand, they went on from the same states for the steps "
+             "that the last column names; ratios for whole runs are extrapolated from these." % study.threads, ""]
     lines += table(["case", "model", "method", "median [ms]", "95 % [ms]", "residual, median", "largest",
-                    "paper's time over it"],
+                    "paper's time over it", "timed"],
                    [[row["case"], row["model"], row["method"], number(row.get("step_ms_median")),
                      number(row.get("step_ms_p95")), number(row.get("residual"), "%.1e"),
                      number(row.get("residual_max"), "%.1e"), number(row.get("paper_over_own"), "%.3g x")
-                     if row["status"] == "ran" else row.get("message") or row["status"]] for row in rows])
+                     if row["status"] == "ran" else row.get("message") or row["status"],
+                     row.get("note") or "%s steps" % row.get("steps")] for row in rows])
     lines += ["[CSV](speed.csv), [JSON](speed.json)", "", "### Cost against size", "",
               "A clamped body under its weight, 10 ms steps, grown by length (a beam of 4 x 4 cells) or compact "
               "(a cube); exponents are least-squares slopes, memory counted above the smallest body's.", ""]
