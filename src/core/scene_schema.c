@@ -282,7 +282,7 @@ static const cn_key contact_keys[] = {
 static const cn_schema contact_schema = {contact_keys, NULL};
 static const cn_key solver_keys[] = {
     {"newton",           CN_KEY_COUNT,  CN_MAY_AUTO, "auto", 1, 1000, "", "most Newton iterations a step; 1: one linear solve a step", AT(cn_scene, solver.newton)},
-    {"linear",           CN_KEY_CHOICE, 0,        "auto", -1, 0, "", "linear solver; auto: by the matrix", AT(cn_scene, solver.linear), .choices = "auto|cholesky|cg|chain"},
+    {"linear",           CN_KEY_CHOICE, 0,        "auto", -1, 0, "", "linear solver; auto: by the matrix", AT(cn_scene, solver.linear), .choices = "auto|cholesky|cg|chain|pcg"},
     {"integrator",       CN_KEY_CHOICE, 0,        "euler", 0, 0, "", "in time, implicit: euler of first order; midpoint (keeps energy) and trbdf2 (damps what the step does not resolve) of second", AT(cn_scene, solver.integrator), .choices = "euler|midpoint|trbdf2"},
     {"tolerance",        CN_KEY_REAL,   CN_ABOVE | CN_BELOW, "1.0e-3", 0, 1, "", "of the nonlinear residual over the largest of the external, internal and inertial forces", AT(cn_scene, solver.tolerance)},
     {"linear_tolerance", CN_KEY_REAL,   CN_ABOVE | CN_BELOW, "1.0e-4", 0, 1, "", "of an iterative linear solve's residual over its right-hand side", AT(cn_scene, solver.linear_tolerance)},
