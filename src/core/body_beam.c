@@ -152,6 +152,8 @@ static void find_sections(piece *p)
     }
 }
 
+enum { CHAIN_NODES = 64 }; /* up to so many a section, elimination section by section is the fastest */
+
 static cn_status piece_new(piece *p, const cn_tets *mesh, int nsection, int axis, const cn_material *given)
 {
     cn_status status;
@@ -171,8 +173,8 @@ static cn_status piece_new(piece *p, const cn_tets *mesh, int nsection, int axis
     p->fixed = calloc((size_t)n, 1);
     if (!p->rotation || !p->f || !p->x || !p->section || !p->level || !p->fixed) return CN_ERR_MEMORY;
     find_sections(p);
-    if ((status = cn_solver_new(&p->solver, p->matrix, CN_LINEAR_AUTO, p->level, NULL)) != CN_OK)
-        return status;
+    const cn_linear kind = n / nsection <= CHAIN_NODES ? CN_LINEAR_CHAIN : CN_LINEAR_CHOLESKY;
+    if ((status = cn_solver_new(&p->solver, p->matrix, kind, p->level, NULL)) != CN_OK) return status;
     cn_body_rotation_start(p->body, p->rotation);
     cn_matrix_clear(p->matrix, n);
     cn_body_add_elastic(p->body, n, p->body->rest, p->rotation, p->f, CN_TANGENT_WARPED, 1, p->scatter, NULL);

@@ -242,7 +242,7 @@ static void elastica_of(bool weight, int rows, const double *row, int columns)
         share[i] = s.body->mass[i];
     for (int i = 0; i < n; i++)
         sum += share[i];
-    assert_int_equal(cn_solver_new(&solver, s.matrix, CN_LINEAR_AUTO, level, NULL), CN_OK);
+    assert_int_equal(cn_solver_new(&solver, s.matrix, CN_LINEAR_CHAIN, level, NULL), CN_OK);
     for (int r = 0; r < rows; r++) {
         const double *want = row + columns * r, load = want[0] * young * moment / (length * length);
         if (want[0] > 10) break;
