@@ -37,7 +37,7 @@ rod_case rod_case_new(int nnode, const double *axis, const double normal[3], con
     assert_int_equal(cn_solver_new(&s.solver, s.matrix, CN_LINEAR_CHOLESKY, level, NULL), CN_OK);
     free(level);
     s.x = numbers(3 * n), s.f = numbers(3 * n), s.load = numbers(3 * n), s.dx = numbers(3 * n);
-    s.back = numbers(3 * n), s.rotation = numbers(4 * nnode), s.turned = numbers(4 * nnode);
+    s.rotation = numbers(4 * nnode);
     s.spring = numbers(3 * n);
     s.fixed = calloc((size_t)n, 1);
     assert_non_null(s.fixed);
@@ -66,7 +66,7 @@ void rod_case_free(rod_case *s)
     cn_scatter_free(s->scatter);
     cn_matrix_free(s->matrix);
     cn_body_free(s->body);
-    free(s->x), free(s->f), free(s->load), free(s->dx), free(s->back), free(s->rotation), free(s->turned);
+    free(s->x), free(s->f), free(s->load), free(s->dx), free(s->rotation);
     free(s->spring), free(s->fixed);
 }
 
@@ -89,64 +89,44 @@ void rod_case_dense(const rod_case *s, double *dense)
 
 void rod_case_add_springs(rod_case *s)
 {
-    for (int i = 0; i < 3 * s->body->nnode; i++)
+    for (int i = 0; i < 3 * s->body->nblock; i++)
         s->matrix->value[9 * (size_t)s->matrix->diagonal[i / 3] + (size_t)(i % 3 * 4)] += s->spring[i];
 }
 
-/* The rest of the balance of forces into f; the potential of all of them. */
-static double balance(rod_case *s, double elastic)
+/* The rest of the balance of forces into f. */
+static void balance(rod_case *s)
 {
-    double sum = elastic;
     for (int i = 0; i < 3 * s->body->nblock; i++) {
-        const double u = i < 3 * s->body->nnode ? s->x[i] - s->body->rest[i] : s->x[i];
+        const double u = i < 3 * s->body->nnode ? s->x[i] - s->body->rest[i] : 0;
         s->f[i] += s->load[i] - s->spring[i] * u;
-        sum += 0.5 * s->spring[i] * u * u - s->load[i] * u;
         if (s->fixed[i / 3]) s->f[i] = 0;
     }
-    return sum;
-}
-
-static double norm(const double *a, int n)
-{
-    double sum = 0;
-    for (int i = 0; i < n; i++)
-        sum += a[i] * a[i];
-    return sqrt(sum);
 }
 
 int rod_case_solve(rod_case *s)
 {
     const int n = 3 * s->body->nblock, nnode = s->body->nnode;
-    const double lever = s->body->lever;
     double least = INFINITY;
     for (int k = 0; k < 200; k++) {
-        double e0 = balance(s, rod_case_force(s, CN_TANGENT_EXACT, s->scatter));
-        for (int i = 3 * nnode; i < n; i++)
-            s->dx[i] = s->f[i] / lever;
-        memcpy(s->dx, s->f, 3 * (size_t)nnode * sizeof *s->f);
-        const double residual = norm(s->dx, n);
-        if (!(residual < INFINITY)) return -1;
-        rod_case_add_springs(s);
-        cn_status status = cn_solver_factor(s->solver, s->matrix, s->matrix->n, s->fixed, NULL);
-        if (status != CN_OK) { /* the positive part of the tangent leads downhill */
-            e0 = balance(s, rod_case_force(s, CN_TANGENT_PROJECTED, s->scatter));
+        for (cn_tangent tangent = CN_TANGENT_EXACT;; tangent = CN_TANGENT_PROJECTED) {
+            rod_case_force(s, tangent, s->scatter);
+            balance(s);
             rod_case_add_springs(s);
-            status = cn_solver_factor(s->solver, s->matrix, s->matrix->n, s->fixed, NULL);
+            const cn_status status = cn_solver_factor(s->solver, s->matrix, s->matrix->n, s->fixed, NULL);
+            if (status == CN_OK) break;
+            if (tangent == CN_TANGENT_PROJECTED) return -1;
         }
-        if (status != CN_OK || cn_solver_solve(s->solver, s->f, s->dx, 0, 1, NULL, NULL, NULL) != CN_OK)
-            return -1;
-        double move = 0;
+        if (cn_solver_solve(s->solver, s->f, s->dx, 0, 1, NULL, NULL, NULL) != CN_OK) return -1;
+        double turn = 0, move = 0;
+        for (int i = 0; i < 3 * nnode; i++) {
+            turn = fmax(turn, fabs(s->dx[3 * nnode + i]));
+            move = fmax(move, fabs(s->dx[i]) / (s->body->lever * nnode));
+        }
+        move = fmax(move, turn);
+        if (!(move < INFINITY)) return -1;
+        const double step = turn > 0.5 ? 0.5 / turn : 1;
         for (int i = 0; i < n; i++)
-            move = fmax(move, fabs(s->dx[i]) / (i < 3 * nnode ? lever : 1));
-        memcpy(s->back, s->x, (size_t)n * sizeof *s->x);
-        double step = 1;
-        for (int cut = 0; cut < 30; cut++, step /= 2) {
-            for (int i = 0; i < n; i++)
-                s->x[i] = s->back[i] + step * s->dx[i];
-            if (move < 1e-6) break; /* the energy's differences are round-off */
-            const double e = balance(s, rod_case_force(s, CN_TANGENT_EXACT, NULL));
-            if (e <= e0 + 1e-12 * fabs(e0)) break;
-        }
+            s->x[i] += step * s->dx[i];
         cn_body_turn(s->body, nnode, s->x, s->rotation);
         if (move < 1e-11 || (move < 1e-7 && move >= least)) return k + 1;
         least = fmin(least, move);

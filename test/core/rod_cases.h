@@ -10,8 +10,8 @@ typedef struct {
     cn_matrix *matrix;
     cn_scatter *scatter;
     cn_solver *solver;
-    double *x, *rotation, *f, *dx, *back, *turned;
-    double *load, *spring; /* dead forces and moments; springs to the places at rest (nblock x 3) */
+    double *x, *rotation, *f, *dx;
+    double *load, *spring; /* dead forces and moments; springs to places at rest and frames as they are */
     unsigned char *fixed;  /* (nblock) */
 } rod_case;
 
@@ -27,9 +27,9 @@ double rod_case_force(rod_case *s, cn_tangent tangent, const cn_scatter *scatter
 /* The matrix as (n x n) numbers, n = 3 nblock. */
 void rod_case_dense(const rod_case *s, double *dense);
 
-/* Equilibrium under `load` by Newton's method with line search; frames are turned after each iteration, so a
- * moment keeps its direction in space. Blocks of `fixed` are held; springs hold single components of places.
- * Returns iterations, -1 where it fails. */
+/* Equilibrium under `load` by Newton's method, at most half a radian an iteration, after which frames are
+ * turned, so a moment keeps its direction in space. Blocks of `fixed` are held; springs hold single
+ * components of places. Returns iterations, -1 where it fails. */
 int rod_case_solve(rod_case *s);
 /* Adds the springs to the matrix. */
 void rod_case_add_springs(rod_case *s);
