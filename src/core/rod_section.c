@@ -16,8 +16,8 @@ double cn_rectangle_torsion(double a, double b)
 }
 
 /* Shear strain along x and y per twist rate of the rectangle |x| <= a, |y| <= b, a <= b: Saint-Venant's
- * series (Timoshenko and Goodier, section 109). Near y = b it converges slowly: a fibre there is no worse
- * than its rate's neighbours. */
+ * series (Timoshenko and Goodier, section 109). At y = b its terms fall with n^2 alone:
+ * 100 of them leave half a percent. */
 static void rectangle_shear(double a, double b, double x, double y, double shear[2])
 {
     double sx = 0, sy = 0;

@@ -377,12 +377,12 @@ static const cn_section tube = {.axial = 12,
                                 .twist_stress = 8e6 / 2.8 * 6e-4};
 
 /* A catheter with its skin, along -z as the mesh is. */
-static rod_case skinned(int stations, const int *ride)
+static rod_case skinned(int stations)
 {
     cn_tets *skin;
     double *axis = calloc((size_t)stations, 3 * sizeof *axis);
     cn_section *section = calloc((size_t)stations, sizeof *section);
-    assert_true(axis && section && !ride);
+    assert_true(axis && section);
     assert_int_equal(cn_tets_catheter(&skin, 0.002 * (stations - 1), 0.0012, 0, stations, 6, NULL), CN_OK);
     for (int i = 0; i < stations; i++)
         axis[3 * i + 2] = -0.002 * i, section[i] = tube;
@@ -396,7 +396,7 @@ static void points_follow_their_frames_rigidly(void **state)
 {
     (void)state;
     unsigned seed = 8;
-    rod_case s = skinned(12, NULL);
+    rod_case s = skinned(12);
     double *points = calloc((size_t)s.body->npoint, 3 * sizeof *points), r[9], p[3];
     const double c[3] = {1, 2, 3};
     assert_ptr_equal(cn_body_points(s.body, 12, s.x, s.rotation, points), points);
@@ -419,7 +419,7 @@ static void points_follow_their_frames_rigidly(void **state)
 static void arms_and_pull_are_derivatives_of_the_points(void **state)
 {
     (void)state;
-    rod_case s = skinned(5, NULL);
+    rod_case s = skinned(5);
     enum { N = 30 };
     const int np = 3 * s.body->npoint;
     unsigned seed = 2;
@@ -518,7 +518,7 @@ static void strained(rod_case *s, double axial, double bend, double twist)
 static void measures_are_those_of_beam_theory(void **state)
 {
     (void)state;
-    rod_case s = skinned(21, NULL);
+    rod_case s = skinned(21);
     cn_measures m;
     double *stress = calloc((size_t)s.body->ntet, sizeof *stress);
     const double length = 0.04, r = 6e-4;
@@ -559,58 +559,12 @@ static void measures_are_those_of_beam_theory(void **state)
     rod_case_free(&s);
 }
 
-/* --- sections --- */
-
-static void twist_of_a_square_and_a_strip_shears_as_the_tables_say(void **state)
-{
-    (void)state;
-    /* Timoshenko and Goodier, table of section 109: k = max shear / (G twist rate 2a), k1 = J / ((2a)^3 2b)
-     */
-    static const double table[4][3] = {
-        {1, 0.675, 0.1406}, {2, 0.930, 0.229}, {3, 0.985, 0.263}, {10, 1, 0.312}};
-    const cn_material m = {.young = 2.6, .poisson = 0.3};
-    for (int i = 0; i < 4; i++)
-        for (int turned = 0; turned < 2; turned++) {
-            cn_shape shape = {.kind = CN_SHAPE_BEAM};
-            cn_section s;
-            shape.beam.size[0] = 1, shape.beam.size[1 + turned] = 0.1,
-            shape.beam.size[2 - turned] = 0.1 * table[i][0];
-            assert_int_equal(cn_section_of(&s, &shape, &m, 2.6, NULL), CN_OK);
-            assert_true(fabs(s.twist_stress / 0.1 - table[i][1]) < 6e-4);
-            assert_true(fabs(s.torsion / (1e-4 * table[i][0]) - table[i][2]) < 6e-4);
-            double corner[2] = {s.half[0], s.half[1]}, middle[2] = {0, 0}, shear[2];
-            cn_section_twist_stress(&s, middle, shear);
-            assert_true(fabs(shear[0]) + fabs(shear[1]) < 1e-15);
-            cn_section_twist_stress(&s, corner, shear); /* the rim is free: no shear at a corner */
-            assert_true(fabs(shear[0]) + fabs(shear[1]) < 0.01 * s.twist_stress);
-        }
-}
-
-static void a_rectangle_stands_with_its_width_along_n(void **state)
-{
-    (void)state;
-    const cn_material m = {.young = 2, .poisson = 0, .density = 5};
-    cn_shape shape = {.kind = CN_SHAPE_BEAM};
-    cn_section s;
-    shape.beam.size[0] = 1, shape.beam.size[1] = 0.2, shape.beam.size[2] = 0.1;
-    assert_int_equal(cn_section_of(&s, &shape, &m, 2, NULL), CN_OK);
-    assert_true(fabs(s.bending[0] - 2 * 0.2 * 1e-3 / 12) < 1e-17); /* about n: the height along b counts */
-    assert_true(fabs(s.bending[1] - 2 * 0.1 * 8e-3 / 12) < 1e-17);
-    assert_true(fabs(s.line_inertia[2] - s.line_inertia[0] - s.line_inertia[1]) < 1e-17);
-    assert_true(fabs(s.line_mass - 0.1) < 1e-16 && s.half[0] == 0.1 && s.half[1] == 0.05);
-    shape.kind = CN_SHAPE_SPHERE;
-    assert_int_equal(cn_section_of(&s, &shape, &m, 2, NULL), CN_ERR_ARG);
-    shape.kind = CN_SHAPE_BEAM;
-    assert_int_equal(cn_section_of(&s, &shape, &m, NAN, NULL), CN_ERR_ARG);
-}
-
 /* --- refusals --- */
 
 static void what_is_no_rod_is_refused_by_segment_and_value(void **state)
 {
     (void)state;
     const cn_material m = {.young = 1, .poisson = 0.3};
-    const double along[3] = {0, 0, 2};
     for (int i = 0; i < 14; i++) {
         double axis[9] = {0, 0, 0, 0, 0, 1, 0, 0, 2}, normal[3] = {1, 0, 0};
         cn_section section[2] = {tube, tube};
@@ -634,7 +588,7 @@ static void what_is_no_rod_is_refused_by_segment_and_value(void **state)
     const double axis[9] = {0, 0, 0, 0, 0, 1, 0, 0, 2};
     const cn_section section[2] = {tube, tube};
     cn_body *body;
-    assert_int_equal(cn_body_new_rod(&body, 3, axis, along, section, NULL, NULL, &m, NULL), CN_ERR_ARG);
+    assert_int_equal(cn_body_new_rod(&body, 3, axis, axis + 3, section, NULL, NULL, &m, NULL), CN_ERR_ARG);
     assert_int_equal(cn_body_new_rod(&body, 1, axis, axis + 3, section, NULL, NULL, &m, NULL), CN_ERR_ARG);
     cn_tets *skin = shape_tet(1);
     assert_int_equal(
@@ -651,7 +605,7 @@ static void every_failing_allocation_is_reported_and_a_call_takes_none(void **st
     const cn_section section[3] = {tube, tube, tube};
     const cn_material m = {.young = 1, .poisson = 0.3};
     assert_int_equal(cn_tets_catheter(&skin, 0.006, 0.0012, 0, 4, 6, NULL), CN_OK);
-    rod_case s = skinned(12, NULL);
+    rod_case s = skinned(12);
     for (FAIL_EACH_ALLOC) {
         cn_error error = {0};
         cn_body *body;
@@ -694,8 +648,6 @@ int main(void)
         cmocka_unit_test(arms_and_pull_are_derivatives_of_the_points),
         cmocka_unit_test(a_skin_in_any_order_is_sorted),
         cmocka_unit_test(measures_are_those_of_beam_theory),
-        cmocka_unit_test(twist_of_a_square_and_a_strip_shears_as_the_tables_say),
-        cmocka_unit_test(a_rectangle_stands_with_its_width_along_n),
         cmocka_unit_test(what_is_no_rod_is_refused_by_segment_and_value),
         cmocka_unit_test(every_failing_allocation_is_reported_and_a_call_takes_none),
     };
