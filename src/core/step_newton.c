@@ -336,7 +336,8 @@ static cn_status newton_direction(const cn_stage *s, bool keep, double *slope, c
             return CN_OK;
         }
         if (status != CN_OK && status != CN_ERR_SINGULAR) return status;
-        const double more = fmax(10 * added, fmax(10, work->added));
+        /* begins with a tenth of what last sufficed: a long way down wants less and less */
+        const double more = added > 0 ? 10 * added : work->added > 0 ? work->added : 10;
         stiffen(s, more - added);
         added = more;
     }
