@@ -79,7 +79,10 @@ def error_against_time(study, problem, rows):
     axes.plot([row["total_s"] for row in front], [shown(row) for row in front], color="0.75", linewidth=6,
               alpha=0.6, zorder=0, solid_capstyle="round", label="Pareto front", marker="o", markersize=9)
     axes.set(xscale="log", yscale="log", xlabel="time of all steps [s]", ylabel="relative error [-]",
-             title=problem.title)
+             title=problem.title.replace("`", ""))
+    for label in dict.fromkeys(look(row)["label"] for row in rows):
+        if label not in {look(row)["label"] for row in good}:
+            axes.plot([], [], linestyle="none", label=label + ": no result")
     handles, labels = axes.get_legend_handles_labels()
     if any(row["dt"] is not None for row in good):
         main = max({row["dt"] for row in good}, key=lambda step: sum(row["dt"] == step for row in good))

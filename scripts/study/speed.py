@@ -110,7 +110,7 @@ def step_times(study):
             counts = {"rod": (50, 100, 454), "tet10": (115,), "tet4": ()}[model] if name == "catheter" else \
                 {"rod": (), "tet10": (0,), "tet4": ()}[model]
             if study.quick:
-                counts = counts[:1]
+                counts = [min(count, 50) for count in counts[:1]]
             for count in counts:
                 if count:
                     rows.append(own_steps(study, "%s, %d elements" % (title, count) if model == "rod" else
