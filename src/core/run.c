@@ -329,7 +329,9 @@ static void drive_on(cn_run_data *run)
         cn_state *accepted = run->trial;
         run->trial = run->state, run->state = accepted;
         run->report->steps++, run->newton += newton;
+        const double looked = cn_seconds();
         cn_run_watch(run);
+        figures.collision_s += cn_seconds() - looked;
         if (cn_run_sample(run, &figures, cn_seconds() - start) != CN_OK) {
             cn_run_verdict(run, CN_VERDICT_NUMERICS, "out of memory at step %d", run->state->step);
             return;
