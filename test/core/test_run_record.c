@@ -7,6 +7,7 @@
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
+#include <unistd.h>
 #include "catnav/vec3.h"
 #include "run_parts.h"
 
@@ -66,11 +67,46 @@ static void all_points_in_one_are_half_a_diagonal_off_and_what_is_not_finite_has
     assert_true(isnan(cn_shape_error(8, x, box, size)));
 }
 
+static void a_rod_spun_about_its_own_axis_has_the_momentum_and_energy_of_its_sections(void **state)
+{
+    (void)state;
+    static const char text[] =
+        "step: 0.001\ntime_limit: 0.005\nbodies:\n- name: bar\n  model: rod\n"
+        "  shape: {beam: {size: [0.1, 0.01, 0.02], cells: [10, 1, 1]}}\n"
+        "  material: {young: 1.0e+7, poisson: 0.3, density: 1000}\n  start: {spin: [10, 0, 0]}\n";
+    char file[] = "test-record-XXXXXX";
+    cn_scene *scene;
+    cn_world *world;
+    cn_report report;
+    cn_error error = {0};
+    const int made = mkstemp(file);
+    assert_true(made >= 0);
+    assert_int_equal(write(made, text, sizeof text - 1), sizeof text - 1);
+    close(made);
+    if (cn_scene_read(&scene, file, 0, NULL, &error) != CN_OK) fail_msg("%s", error.message);
+    unlink(file);
+    assert_int_equal(cn_world_new(&world, scene, 0, NULL, &error), CN_OK);
+    assert_int_equal(cn_run(world, NULL, NULL, 1, NULL, &report, &error), CN_OK);
+    assert_int_equal(report.verdict.code, CN_VERDICT_RAN);
+    const cn_body_report *b = report.body;
+    const double spin = 10, moment = 1000 * 0.1 * 0.01 * 0.02 * (1e-4 + 4e-4) / 12; /* rho L (I_y + I_z) */
+    assert_int_equal(b->model, CN_BODY_ROD);
+    assert_true(fabs(b->angular_momentum[0] / (moment * spin) - 1) < 1e-12);
+    assert_true(fabs(b->kinetic / (0.5 * moment * spin * spin) - 1) < 1e-12);
+    assert_true(fabs(b->angular_momentum[1]) + fabs(b->angular_momentum[2]) < 1e-12 * moment * spin);
+    assert_true(b->shape_error < 1e-12 && cn_norm(b->momentum) < 1e-15);
+    assert_int_equal(report.counts.dof, 6 * 11);
+    cn_report_clear(&report);
+    cn_world_free(world);
+    cn_scene_free(scene);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_rigid_motion_changes_no_shape_in_any_unit),
         cmocka_unit_test(growth_and_reflection_are_shape_errors_of_known_size),
+        cmocka_unit_test(a_rod_spun_about_its_own_axis_has_the_momentum_and_energy_of_its_sections),
         cmocka_unit_test(all_points_in_one_are_half_a_diagonal_off_and_what_is_not_finite_has_no_error),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);
