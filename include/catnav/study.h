@@ -16,8 +16,9 @@ typedef struct {
 } cn_study_hooks;                                   /* any of them may be NULL */
 
 /* --- the paper's method against the scene's own: CSV and JSON `paper` ---
- * The paper's method: same mesh, assembly, threads; contact.method project, solver.newton 1 (frozen
- * rotations, one solve a step), solver.linear cg (block-Jacobi) to 1e-4 in at most 1000 iterations. */
+ * The paper's method: same mesh (of a rod: linear tetrahedra, those that ride on it), assembly, threads;
+ * contact.method project, solver.newton 1 (frozen rotations, one solve a step), solver.linear cg
+ * (block-Jacobi) to 1e-4 in at most 1000 iterations. */
 enum { CN_STUDY_STATES = 3, CN_STUDY_STEPS = 200 };
 typedef enum { CN_STUDY_OWN, CN_STUDY_PAPER, CN_STUDY_METHODS } cn_study_method;
 const char *cn_study_method_name(int method); /* "own", "paper" */

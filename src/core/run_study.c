@@ -19,6 +19,7 @@ enum { STEP_MS, FEM_MS, COLLISION_MS, RESIDUAL, LINEAR, NEWTON, NSAMPLE };
 typedef struct {
     cn_scene scene;
     cn_run_data run;
+    cn_body_spec *spec;
     cn_report report;
     double sample[NSAMPLE][CN_STUDY_STEPS];
 } walk;
@@ -55,7 +56,26 @@ static void walk_free(walk *w)
     free(w->run.body);
     cn_state_free(w->run.state), cn_state_free(w->run.trial), cn_state_free(w->run.spare);
     cn_model_free(w->run.model);
+    free(w->spec);
     free(w);
+}
+
+/* The paper's method knows linear tetrahedra: a rod's state as that of the mesh that rides on it. */
+static void mesh_state(const cn_body *rod, const cn_body_state *from, const cn_body *mesh, cn_body_state *to)
+{
+    const cn_body_state own = *to;
+    *to = *from;
+    to->x = own.x, to->v = own.v, to->rotation = own.rotation;
+    to->nfree = cn_body_points_of(rod, from->nfree);
+    cn_body_points(rod, rod->nnode, from->x, from->rotation, to->x);
+    for (int p = 0; p < rod->npoint; p++) {
+        const int i = (int)((long long)p * rod->nnode / rod->npoint);
+        double arm[3];
+        cn_sub(to->x + 3 * p, from->x + 3 * i, arm);
+        cn_cross(from->v + 3 * (rod->nnode + i), arm, to->v + 3 * p);
+        cn_axpy(1, from->v + 3 * i, to->v + 3 * p);
+    }
+    cn_body_rotation_start(mesh, to->rotation);
 }
 
 static cn_status walk_new(walk **out, const cn_run_data *from, cn_study_method method, cn_error *error)
@@ -71,8 +91,12 @@ static cn_status walk_new(walk **out, const cn_run_data *from, cn_study_method m
                          .threads = from->threads,
                          .pool = from->pool,
                          .nbody = from->nbody,
-                         .spec = from->spec};
+                         .spec = w->spec};
     w->scene = *from->scene;
+    if (!(w->spec = run->spec = malloc(((size_t)run->nbody + 1) * sizeof *w->spec))) return status;
+    memcpy(w->spec, from->spec, (size_t)run->nbody * sizeof *w->spec);
+    for (int b = 0; method == CN_STUDY_PAPER && b < run->nbody; b++)
+        if (w->spec[b].model == CN_BODY_ROD) w->spec[b].model = CN_BODY_TET4;
     if (method == CN_STUDY_PAPER) {
         w->scene.contact.method = CN_CONTACT_PROJECT;
         w->scene.solver.newton = 1;
@@ -90,7 +114,13 @@ static cn_status walk_new(walk **out, const cn_run_data *from, cn_study_method m
         if ((status = cn_work_new(&run->body[b].work, run->model, b, run->pool, error)) != CN_OK)
             return status;
     }
-    cn_state_copy(run->state, from->state);
+    run->state->step = from->state->step, run->state->time = from->state->time;
+    for (int b = 0; b < run->nbody; b++)
+        if (w->spec[b].model == from->spec[b].model)
+            cn_state_copy_body(&run->state->body[b], &from->state->body[b], &run->model->body[b]);
+        else
+            mesh_state(from->model->body[b].body, &from->state->body[b], run->model->body[b].body,
+                       &run->state->body[b]);
     return CN_OK;
 }
 
@@ -128,9 +158,11 @@ static double tips_apart(const walk *a, const walk *b)
 {
     double apart = 0;
     for (int i = 0; i < a->run.nbody; i++) {
-        const cn_model_body *body = &a->run.model->body[i];
-        const size_t tip = body->catheter ? 0 : 3 * (size_t)body->goal_node;
-        apart = fmax(apart, cn_distance(a->run.state->body[i].x + tip, b->run.state->body[i].x + tip));
+        const size_t ta = 3 * (size_t)a->run.model->body[i].goal_node,
+                     tb = 3 * (size_t)b->run.model->body[i].goal_node;
+        const bool catheter = a->run.model->body[i].catheter;
+        apart = fmax(apart, cn_distance(a->run.state->body[i].x + (catheter ? 0 : ta),
+                                        b->run.state->body[i].x + (catheter ? 0 : tb)));
     }
     return apart;
 }
