@@ -263,6 +263,12 @@ static cn_status factor(const cn_stage *s)
     return status;
 }
 
+static bool iterative(const cn_stage *s)
+{
+    const cn_linear kind = cn_solver_kind(s->work->solver);
+    return kind == CN_LINEAR_CG || kind == CN_LINEAR_PCG;
+}
+
 /* Part of the residual that an iterative solver may leave. */
 static const double FORCING = 0.05;
 
@@ -279,17 +285,19 @@ static double forcing(double residual, double before, double aim)
 static cn_status solve(const cn_stage *s, double *slope, cn_step_figures *figures)
 {
     cn_work *work = s->work;
-    const cn_linear kind = cn_solver_kind(work->solver);
-    const bool iterative = kind == CN_LINEAR_CG || kind == CN_LINEAR_PCG;
+    const bool warm = iterative(s) && work->model->single; /* from the last step's motion */
     const double least = work->model->scene->solver.linear_tolerance;
-    const double tolerance = iterative && !work->model->single ? fmax(least, work->forcing) : least;
+    const double tolerance = iterative(s) && !warm ? fmax(least, work->forcing) : least;
     int iterations = 0;
     double residual = 0;
     for (int i = 0; i < 3 * s->rows; i++)
         work->trial[i] = work->dx[i] = 0;
     EACH_FREE(s, i)
-    cn_axpy(-1, work->gradient + 3 * i, work->trial + 3 * i);
-    const bool checked = kind != CN_LINEAR_CHAIN; /* a chain's is round-off */
+    {
+        cn_axpy(-1, work->gradient + 3 * i, work->trial + 3 * i);
+        if (warm) memcpy(work->dx + 3 * i, work->ahead + 3 * i, 3 * sizeof(double));
+    }
+    const bool checked = cn_solver_kind(work->solver) != CN_LINEAR_CHAIN; /* a chain's is round-off */
     cn_status status = cn_solver_solve(work->solver, work->trial, work->dx, tolerance, 1000, &iterations,
                                        checked ? &residual : NULL, work->pool);
     if (iterations > figures->linear) figures->linear = iterations;
@@ -377,7 +385,8 @@ cn_status cn_stage_minimise(const cn_stage *s, cn_step_figures *figures)
         if ((status = newton_direction(s, keep, &slope, figures)) != CN_OK) return status;
         figures->newton++;
         /* an iterate that is expected to be the last is seen without the matrix */
-        const double expected = isfinite(before) ? residual * fmin(1, residual / before) : residual;
+        double expected = isfinite(before) ? residual * fmin(1, residual / before) : residual;
+        if (done && iterative(s)) expected = fmin(expected, work->forcing * residual);
         const bool last = done + 1 == model->newton || expected <= aim;
         const int then = keep || last ? -1 : tangent;
         before = residual;
