@@ -148,25 +148,29 @@ static void figures_do_not_depend_on_threads(void **unused)
     put_away(&b);
 }
 
-/* Stiff pieces on a soft hinge: block-Jacobi does not always get there in 1000 iterations. */
+/* A clamped wire of many thin sections falls: block-Jacobi does not get there in 1000 iterations. */
 static void solves_that_do_not_converge_are_counted_with_their_residual(void **unused)
 {
     static const cn_setting hard[] = {
-        {"bodies.wire.material",
-         "{young: 1e13, poisson: 0.49, density: 1100, regions: [{along: [0.006, 0.02], young: 1e3}]}"},
-        {"bodies.wire.shape.catheter.stations", "31"}};
+        {"vessels", "[]"},
+        {"bodies.wire.waypoints", "[]"},
+        {"bodies.wire.model", "tet4"},
+        {"bodies.wire.shape", "{catheter: {length: 0.134, diameter: 1.35e-3, entry: [0.134, 0, 0], "
+                              "direction: [1, 0, 0], stations: 61}}"},
+        {"bodies.wire.fixed", "{box: [[-1e-4, -1, -1], [1e-4, 1, 1]]}"},
+        {"gravity", "[0, 0, -9.81]"},
+        {"time_limit", "0.4"}};
     bench b;
     cn_study study;
     long unconverged = 0;
     (void)unused;
-    set_up(&b, 2, hard);
+    set_up(&b, (int)(sizeof hard / sizeof *hard), hard);
     study_it(&b, 2, NULL, &study);
     assert_int_equal(study.nstate, CN_STUDY_STATES);
     for (int i = 0; i < study.nstate; i++) {
         const cn_study_row *own = &study.state[i].row[CN_STUDY_OWN];
         const cn_study_row *paper = &study.state[i].row[CN_STUDY_PAPER];
         assert_true(own->unconverged == 0 && own->linear_residual == 0);
-        assert_true(paper->unconverged <= CN_STUDY_STEPS);
         assert_int_equal(paper->unconverged > 0, paper->linear.max >= 1000);
         assert_int_equal(paper->unconverged > 0, paper->linear_residual > 1e-4);
         unconverged += paper->unconverged;
