@@ -33,8 +33,8 @@ void cn_chain_solve(cn_chain *chain, const double *b, double *x,
                     cn_pool *pool); /* held x: left as they are */
 
 /* Block-tridiagonal Cholesky of 6x6 blocks, on one thread: levels of two block rows each, as a rod's stations
- * have (position and rotation; 80 ns a station, factor and solve). *out is NULL with CN_OK where levels are others. width as
- * above. */
+ * have (position and rotation; 80 ns a station, factor and solve). *out is NULL with CN_OK where levels are
+ * others. width as above. */
 typedef struct cn_ladder cn_ladder;
 cn_status cn_ladder_new(cn_ladder **out, const cn_matrix *pattern, const int *level, int width);
 void cn_ladder_free(cn_ladder *ladder);
