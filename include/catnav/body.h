@@ -142,8 +142,9 @@ void cn_body_measure(const cn_body *body, int nactive, const double *x, double *
  * and returns it. */
 const double *cn_body_points(const cn_body *body, int nactive, const double *x, const double *rotation,
                              double *points);
-/* Points that belong to the first n nodes. */
+/* Points that belong to the first n nodes, and the node of a point. */
 int cn_body_points_of(const cn_body *body, int n);
+int cn_body_node_of(const cn_body *body, int point);
 /* How points hang on blocks at x: point p moves by d x(block node) + arm d x(block node + nnode). */
 typedef struct {
     const int *node; /* (npoint) */

@@ -152,6 +152,11 @@ int cn_body_points_of(const cn_body *body, int n)
     return (int)((long long)n * body->npoint / body->nnode);
 }
 
+int cn_body_node_of(const cn_body *body, int point)
+{
+    return (int)((long long)point * body->nnode / body->npoint);
+}
+
 cn_status cn_carry_new(cn_carry **out, const cn_body *body)
 {
     *out = NULL;
@@ -164,7 +169,7 @@ cn_status cn_carry_new(cn_carry **out, const cn_body *body)
         return CN_ERR_MEMORY;
     }
     for (int p = 0; p < body->npoint; p++)
-        node[p] = (int)((long long)p * body->nnode / body->npoint);
+        node[p] = cn_body_node_of(body, p);
     *carry = (cn_carry){node, arm, body->nnode};
     *out = carry;
     return CN_OK;

@@ -208,16 +208,6 @@ static void add_block(cn_matrix *a, int i, int j, const double h[9])
         block[k] += h[k];
 }
 
-static void times(const double a[9], const double b[9], bool transposed, double c[9])
-{
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) {
-            c[3 * i + j] = 0;
-            for (int k = 0; k < 3; k++)
-                c[3 * i + j] += a[transposed ? 3 * k + i : 3 * i + k] * b[3 * k + j];
-        }
-}
-
 /* Adds the stiffness h between points i and j: J' h J by the blocks they hang on, J = (I, arm). */
 static void add_stiffness(cn_matrix *a, const cn_carry *carry, int i, int j, const double h[9])
 {
@@ -227,10 +217,12 @@ static void add_stiffness(cn_matrix *a, const cn_carry *carry, int i, int j, con
     }
     const double *arm_i = carry->arm + 9 * (size_t)i, *arm_j = carry->arm + 9 * (size_t)j;
     const int p = carry->node[i], q = carry->node[j], turn = carry->turn;
-    double right[9], left[9], both[9];
-    times(h, arm_j, false, right);
-    times(arm_i, h, true, left);
-    times(arm_i, right, true, both);
+    double right[9], left[9], both[9], turned[9]; /* arm_i' */
+    for (int k = 0; k < 9; k++)
+        turned[k] = arm_i[3 * (k % 3) + k / 3];
+    cn_mat_mul(h, arm_j, right);
+    cn_mat_mul(turned, h, left);
+    cn_mat_mul(turned, right, both);
     add_block(a, p, q, h);
     add_block(a, p, turn + q, right);
     add_block(a, turn + p, q, left);

@@ -20,8 +20,8 @@ static cn_status shares(const cn_body *body, const double box[2][3], double *sha
     for (int p = 0; p < body->npoint; p++)
         inside[p] = cn_in_box(box, body->point + 3 * p);
     cn_body_face_shares(body, inside, at_point);
-    for (int p = 0; p < body->npoint; p++) /* points of a node lie in a row */
-        share[(long long)p * body->nnode / body->npoint] += at_point[p], *total += at_point[p];
+    for (int p = 0; p < body->npoint; p++)
+        share[cn_body_node_of(body, p)] += at_point[p], *total += at_point[p];
     for (int i = 0; *total == 0 && i < body->nnode; i++)
         if (cn_in_box(box, body->rest + 3 * i)) share[i] = body->mass[i] > 0 ? body->mass[i] : 1;
     for (int i = 0; *total == 0 && i < body->nnode; i++)

@@ -1,5 +1,6 @@
 /* run.c - a whole run: doors, map, plan, then step { drive, solve, contact, limits } -> accept, or roll back
  * and replan, until every waypoint is reached, time is up or nothing leads on. */
+#include "body_modes.h"
 #include "run_parts.h"
 
 #include <math.h>
@@ -75,6 +76,30 @@ static cn_status make_map(cn_run_data *run)
     return cancelled(run) ? CN_ERR_CANCELLED : CN_OK;
 }
 
+/* The rigid motion that nothing resists: a body without inertia, not held enough. "" where there is none. */
+static void loose_motion(const cn_run_data *run, int b, size_t size, char *text)
+{
+    const cn_model_body *body = &run->model->body[b];
+    cn_body_modes modes;
+    text[0] = 0;
+    if (run->model->inertia && run->spec[b].material.density > 0) return;
+    if (cn_body_modes_find(body->body, body->fixed, &modes) == CN_OK) cn_body_modes_text(&modes, text, size);
+}
+
+/* Without drive and walls nothing else could hold such a body: it is refused before anything moves. */
+static cn_status no_equilibrium(cn_run_data *run)
+{
+    for (int b = 0; b < run->nbody; b++) {
+        char loose[512];
+        loose_motion(run, b, sizeof loose, loose);
+        if (!loose[0] || run->world->nwall > 0 || run->spec[b].nwaypoint > 0) continue;
+        return cn_fail(&run->error, CN_ERR_SCENE, run->scene->path, 0,
+                       "%s has no equilibrium: %s; hold it (`fixed`) or give it a density", run->spec[b].name,
+                       loose);
+    }
+    return CN_OK;
+}
+
 static cn_status prepare(cn_run_data *run)
 {
     cn_status status;
@@ -113,6 +138,7 @@ static cn_status prepare(cn_run_data *run)
     if ((status = cn_model_new(&run->model, run->scene, run->world, run->nbody, run->spec, &run->error)) !=
         CN_OK)
         return status;
+    if ((status = no_equilibrium(run)) != CN_OK) return status;
     for (int b = 0; b < run->nbody; b++)
         if (run->spec[b].shape.kind != CN_SHAPE_CATHETER && (status = cn_run_plan_body(run, b)) != CN_OK)
             return status;
@@ -199,12 +225,13 @@ cn_status cn_run_advance(cn_run_data *run, int b, cn_step_figures *figures)
 static void numerics(cn_run_data *run, int b, cn_status status)
 {
     const cn_model_body *body = &run->model->body[b];
-    const bool loose = status == CN_ERR_SINGULAR && !(run->spec[b].material.density > 0);
-    cn_run_verdict(
-        run, CN_VERDICT_NUMERICS,
-        "%s: step %d at t = %.4f s cannot be computed (%s), also in 64 parts; the last good state is kept%s",
-        run->spec[b].name, run->state->step + 1, run->state->time, cn_status_text(status),
-        loose ? ": hold the body (`fixed`) or give it a density" : ": try a smaller step");
+    char loose[512] = "";
+    if (status == CN_ERR_SINGULAR) loose_motion(run, b, sizeof loose, loose);
+    cn_run_verdict(run, CN_VERDICT_NUMERICS,
+                   "%s: step %d at t = %.4f s cannot be computed (%s), also in 64 parts; the last good state "
+                   "is kept: %s%s",
+                   run->spec[b].name, run->state->step + 1, run->state->time, cn_status_text(status), loose,
+                   loose[0] ? "; hold it (`fixed`) or give it a density" : "try a smaller step");
     snprintf(run->report->verdict.body, sizeof run->report->verdict.body, "%s", run->spec[b].name);
     run->report->verdict.step = run->state->step, run->report->verdict.time = run->state->time;
     cn_copy3(run->state->body[b].x + 3 * body->goal_node, run->report->verdict.position);

@@ -69,7 +69,7 @@ static void mesh_state(const cn_body *rod, const cn_body_state *from, const cn_b
     to->nfree = cn_body_points_of(rod, from->nfree);
     cn_body_points(rod, rod->nnode, from->x, from->rotation, to->x);
     for (int p = 0; p < rod->npoint; p++) {
-        const int i = (int)((long long)p * rod->nnode / rod->npoint);
+        const int i = cn_body_node_of(rod, p);
         double arm[3];
         cn_sub(to->x + 3 * p, from->x + 3 * i, arm);
         cn_cross(from->v + 3 * (rod->nnode + i), arm, to->v + 3 * p);

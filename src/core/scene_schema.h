@@ -64,7 +64,7 @@ typedef struct cn_key {
     int mark_value;
 } cn_key;
 
-#define CN_BODY_MODELS    "auto|tet4|tet10|rod|molecules"
+#define CN_BODY_MODELS "auto|tet4|tet10|rod|molecules"
 
 extern const cn_schema cn_scene_schema; /* of cn_scene */
 

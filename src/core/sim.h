@@ -58,7 +58,6 @@ typedef struct {
     bool single;  /* the paper's one frozen-rotation solve */
     bool inertia; /* false: each step is a static equilibrium */
     cn_integrator integrator;
-    bool stress_left_out; /* no limit and no frame asks for it */
     int nbody;
     cn_model_body *body;
 } cn_model;

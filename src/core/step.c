@@ -69,6 +69,7 @@ cn_status cn_work_new(cn_work **out, const cn_model *model, int ibody, cn_pool *
               calloc(45 * blocks + 25 * nodes + 12 * points + 4 * (size_t)b->nturn, sizeof(double))))
         goto fail;
     hand_out(work, blocks, nodes, points);
+    work->anchored = memchr(body->fixed, 1, blocks) != NULL;
     if ((status = cn_matrix_new(&work->matrix, 1, bodies, first)) != CN_OK) goto fail;
     work->damping = *work->matrix;
     work->damping.value = NULL;
@@ -161,6 +162,8 @@ static void set_up(cn_stage *s, const cn_model *model, int ibody, const cn_body_
     s->last = nfree == 0 ? 0 : rod ? b->nnode + nfree : nfree;
     s->rows = rod ? b->nblock : nfree;
     s->strict = body->contact && model->scene->contact.method == CN_CONTACT_STRICT;
+    s->free_flight =
+        model->inertia && !model->single && !work->anchored && !path && !body->contact && nfree == b->nnode;
     memset(work->held, 1, (size_t)b->nblock);
     EACH_FREE(s, i)
     work->held[i] = body->fixed[i];

@@ -326,6 +326,15 @@ static void stiffen(const cn_stage *s, double share)
             each * (i < b->nnode ? b->mass[i] : b->mass[i - b->nnode] * b->lever * b->lever);
 }
 
+/* The first paper's: whatever the one solve gives. */
+static cn_status single_direction(const cn_stage *s, bool keep, double *slope, cn_step_figures *figures)
+{
+    cn_status status = CN_OK;
+    figures->kept += keep;
+    if (!keep) status = factor(s);
+    return status == CN_OK ? solve(s, slope, figures) : status;
+}
+
 /* A direction of descent: by an earlier factor (keep), the exact tangent, the exact tangent with ever more
  * inertia where it is not positive definite (a body about to snap), at last the projected one. */
 static cn_status newton_direction(const cn_stage *s, bool keep, double *slope, cn_step_figures *figures)
@@ -363,6 +372,25 @@ static bool still_free(const cn_stage *s, double fraction, cn_status *status)
     return most == fraction;
 }
 
+/* The shift of a body in free flight that takes the net force left to nothing: its momentum is kept to
+ * rounding, however stiff it is and however far it flies. No strain knows of it. */
+static void balance(const cn_stage *s)
+{
+    cn_work *work = s->work;
+    const cn_body *b = work->body->body;
+    double net[3] = {0, 0, 0}, mass = 0;
+    for (int i = 0; i < b->nnode; i++) {
+        cn_axpy(1, work->gradient + 3 * i, net);
+        mass += b->mass[i];
+    }
+    if (!(mass > 0)) return;
+    const double share = mass * (1 / (s->h * s->h) + b->damping / s->h);
+    for (int i = 0; i < b->nnode; i++) {
+        cn_axpy(-1 / share, net, work->u + 3 * i);
+        cn_add(s->from->x + 3 * i, work->u + 3 * i, s->x + 3 * i);
+    }
+}
+
 cn_status cn_stage_minimise(const cn_stage *s, cn_step_figures *figures)
 {
     cn_work *work = s->work;
@@ -377,12 +405,16 @@ cn_status cn_stage_minimise(const cn_stage *s, cn_step_figures *figures)
         if (!isfinite(energy)) return CN_ERR_NOT_FINITE;
         const double residual = norm_free(s, work->gradient),
                      aim = fmax(tolerance * work->residual_scale, floor);
-        if (residual <= (done ? aim : floor)) return CN_OK;
+        if (residual <= (done ? aim : floor)) {
+            if (s->free_flight) balance(s);
+            return CN_OK;
+        }
         if (done == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
         if (keep && done && residual > 0.2 * before) keep = false; /* too stale to gain by */
         if (!keep && !assembled) energy = evaluate(s, s->x, work->u, tangent);
         work->forcing = forcing(residual, before, aim);
-        if ((status = newton_direction(s, keep, &slope, figures)) != CN_OK) return status;
+        status = (model->single ? single_direction : newton_direction)(s, keep, &slope, figures);
+        if (status != CN_OK) return status;
         figures->newton++;
         /* an iterate that is expected to be the last is seen without the matrix */
         double expected = isfinite(before) ? residual * fmin(1, residual / before) : residual;

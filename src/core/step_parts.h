@@ -27,6 +27,7 @@ struct cn_work {
     double *spin; /* a rod's inertia in world axes at the step's start (nnode x 9) */
     /* by points (npoint x 3), where they are not the nodes: at x, at the trial, between them, forces */
     double *points, *points_trial, *motion, *points_force;
+    bool anchored;                      /* a node is held by the scene */
     unsigned char *held;                /* fixed, or a rod's in the sheath (nblock) */
     double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
     double collision_s;
@@ -50,6 +51,7 @@ typedef struct {
     int rows;             /* leading matrix rows that take part */
     double *x, *rotation; /* of the trial */
     bool strict;
+    bool free_flight; /* nothing holds, drives or can touch it */
 } cn_stage;
 
 /* Blocks i of free nodes: their positions, then a rod's rotations. */
