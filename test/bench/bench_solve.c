@@ -77,7 +77,8 @@ static void bench(const char *name, cn_body body, int stations, double modulus, 
                     b[k] = 1e-6 * cos(0.1 * (double)k);
                 factor[runs] = t1 - t0, solve[runs] = t2 - t1, product[runs] = t3 - t2;
             }
-            if (kind != CN_LINEAR_CG && kind != CN_LINEAR_PCG) cn_solver_solve(solver, b, x, 1, 0, &iterations, &residual, pool);
+            if (kind != CN_LINEAR_CG && kind != CN_LINEAR_PCG)
+                cn_solver_solve(solver, b, x, 1, 0, &iterations, &residual, pool);
             printf(
                 "  %-8s threads %d: analysis %7.1f  factor %8.3f  solve %8.3f  (A x %.3f)  residual %.1e, %d "
                 "iterations%s\n",

@@ -32,7 +32,8 @@ static void one_tetrahedron_couples_all_its_nodes(void **state)
 static void bodies_stand_side_by_side_and_lone_nodes_keep_their_diagonal(void **state)
 {
     int tet[4] = {0, 1, 2, 3};
-    const cn_body body = {.nblock = 4, .nelement = 1, .nper = 4, .connect = tet}, lone = {.nblock = 2, .nper = 4};
+    const cn_body body = {.nblock = 4, .nelement = 1, .nper = 4, .connect = tet},
+                  lone = {.nblock = 2, .nper = 4};
     const cn_body *const bodies[] = {&body, &lone, &body};
     cn_matrix *a;
 
