@@ -369,7 +369,7 @@ static void drive_on(cn_run_data *run)
         cn_run_frame(run, run->state, false);
         if (run->visit && !run->visit(run->visitor, run)) return;
         const double now = cn_seconds();
-        if (now - shown > 0.2) {
+        if (now - shown > 0.2 || run->report->steps == 1) { /* a short run shows its bar too */
             stage(run, CN_STAGE_MOTION, (run->report->steps - shown_step) / (now - shown));
             shown = now, shown_step = run->report->steps;
         }
