@@ -190,6 +190,7 @@ typedef struct {
     cn_limit *limit;
     char *skin_file;
     int skin_anchors;
+    const cn_surface_spec *wall; /* a wall that gives way, for which it stands: set by a run, else NULL */
 } cn_body_spec;
 
 typedef enum { CN_CONTACT_STRICT, CN_CONTACT_PROJECT, CN_CONTACT_PENALTY, CN_CONTACT_NONE } cn_contact_method;

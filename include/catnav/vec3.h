@@ -56,6 +56,11 @@ static inline void cn_mat_vec(const double m[9], const double a[3], double b[3])
     for (int i = 0; i < 3; i++)
         b[i] = m[3 * i] * a[0] + m[3 * i + 1] * a[1] + m[3 * i + 2] * a[2];
 }
+static inline void cn_mat_vec_transposed(const double m[9], const double a[3], double b[3]) /* b = M' a */
+{
+    for (int k = 0; k < 3; k++)
+        b[k] = m[k] * a[0] + m[3 + k] * a[1] + m[6 + k] * a[2];
+}
 static inline void cn_mat_mul(const double a[9], const double b[9], double c[9]) /* C = A B, C != A, B */
 {
     for (int i = 0; i < 3; i++)

@@ -15,6 +15,7 @@ struct cn_tree;   /* AABB tree over triangles: src/core/tree.h */
 struct cn_octree; /* pruned octree of the free space: include/catnav/octree.h */
 
 typedef struct {
+    const cn_surface_spec *spec; /* the scene's, not owned */
     char *name;
     bool vessel;          /* free space inside, else outside */
     bool closed;          /* an open obstacle is a two-sided wall, tested for crossing only */
@@ -58,6 +59,11 @@ typedef struct {
 cn_status cn_world_new(cn_world **out, const cn_scene *scene, int nreplacement,
                        const cn_replacement *replacement, cn_error *error);
 void cn_world_free(cn_world *world);
+
+/* A rigid obstacle that goes along a path: its box's centre goes from where it is through the waypoints, at
+ * their speed, and stays at the last. shift [m]: from the surface as it is at t = 0. */
+bool cn_wall_moves(const cn_wall *wall);
+void cn_wall_shift(const cn_wall *wall, double time, double shift[3]);
 
 /* Makes the map for a device of this radius (cell: scene's planner.resolution, or auto: a fraction of the
  * radius, at most 0.25 mm for a vessel of the demo's size). At most `threads` threads; same result for any.

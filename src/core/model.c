@@ -71,6 +71,21 @@ static cn_status shape_mesh(cn_tets **out, const cn_shape *shape, cn_body_model 
     return status;
 }
 
+/* An obstacle that deforms, filled. */
+static cn_status wall_mesh(cn_tets **out, cn_model_body *body, const cn_world *world, cn_error *error)
+{
+    cn_tets *linear = NULL;
+    for (int w = 0; w < world->nwall; w++)
+        if (world->wall[w].spec == body->spec->wall) body->wall = w;
+    cn_status status = cn_doctor_solid(&world->wall[body->wall].doctor, world->wall[body->wall].name, error);
+    if (status == CN_OK) status = cn_tets_fill(&linear, world->wall[body->wall].surface, 0, error);
+    *out = linear;
+    if (status != CN_OK || body->spec->model != CN_BODY_TET10) return status;
+    status = cn_tets_raise(out, linear);
+    cn_tets_free(linear);
+    return status;
+}
+
 /* Nodes of a beam's +x face, of a rod its end. */
 static cn_status find_tip(cn_model_body *out)
 {
@@ -234,32 +249,49 @@ static cn_status drive_geometry(cn_model_body *out, cn_error *error)
     return CN_OK;
 }
 
-static cn_status contact_of(cn_model_body *out, const cn_scene *scene, const cn_world *world)
+/* The barrier of a body that something can touch. */
+static void contact_of(cn_model_body *out, const cn_scene *scene)
 {
     const cn_body *body = out->body;
     double edges = 0;
-    if (world->nwall == 0) return CN_OK;
     for (int t = 0; t < body->boundary->ntri; t++)
         for (int k = 0; k < 3; k++)
             edges += cn_distance(body->point + 3 * body->boundary->tri[3 * t + k],
                                  body->point + 3 * body->boundary->tri[3 * t + (k + 1) % 3]);
     const double edge = edges / (3.0 * body->boundary->ntri);
     const double length = out->diameter > 0 && out->diameter < edge ? out->diameter : edge;
-    const double gap = isnan(scene->contact.gap) ? 0.075 * length : scene->contact.gap;
+    out->gap = isnan(scene->contact.gap) ? 0.075 * length : scene->contact.gap;
     /* the barrier is about as stiff as the body's own surface over a gap */
-    const double kappa =
-        isnan(scene->contact.stiffness) ? 0.35 * out->spec->material.young * gap : scene->contact.stiffness;
-    return cn_contact_model_new(&out->contact, body, world, gap, kappa);
+    out->kappa = isnan(scene->contact.stiffness) ? 0.35 * out->spec->material.young * out->gap
+                                                 : scene->contact.stiffness;
 }
 
-static cn_status build_body(cn_model_body *out, const cn_scene *scene, const cn_world *world, cn_error *error)
+/* A body that could come to touch itself: eight times as long as it is thick, as a round bar of its volume and
+ * surface is. */
+static bool can_fold(const cn_model_body *body)
+{
+    const cn_body *b = body->body;
+    double area = 0;
+    for (int t = 0; t < b->boundary->ntri; t++) {
+        const int *tri = b->boundary->tri + 3 * t;
+        double e1[3], e2[3], n[3];
+        cn_sub(b->point + 3 * tri[1], b->point + 3 * tri[0], e1);
+        cn_sub(b->point + 3 * tri[2], b->point + 3 * tri[0], e2);
+        cn_cross(e1, e2, n);
+        area += 0.5 * cn_norm(n);
+    }
+    return area > 0 && body->size > 8 * 4 * b->rest_volume / area;
+}
+
+static cn_status build_body(cn_model_body *out, const cn_world *world, cn_error *error)
 {
     const cn_body_spec *spec = out->spec;
     cn_tets *mesh = NULL;
     double *along = NULL;
     const cn_body *body;
     cn_status status = CN_ERR_MEMORY;
-    status = shape_mesh(&mesh, &spec->shape, spec->model, error);
+    status = spec->wall ? wall_mesh(&mesh, out, world, error)
+                        : shape_mesh(&mesh, &spec->shape, spec->model, error);
     if (status != CN_OK) goto done;
 
     if (spec->shape.kind == CN_SHAPE_CATHETER) {
@@ -318,8 +350,7 @@ static cn_status build_body(cn_model_body *out, const cn_scene *scene, const cn_
     }
     for (int l = 0; l < spec->nload; l++, out->nload++)
         if ((status = cn_model_load(out, &spec->load[l], &out->load[l], error)) != CN_OK) goto done;
-    status =
-        scene->contact.method == CN_CONTACT_NONE && world->nwall == 0 ? CN_OK : contact_of(out, scene, world);
+    status = CN_OK;
 done:
     free(along);
     cn_tets_free(mesh);
@@ -342,13 +373,21 @@ cn_status cn_model_new(cn_model **out, const cn_scene *scene, const cn_world *wo
     model->body = calloc((size_t)nbody + 1, sizeof *model->body);
     if (!model->body) status = CN_ERR_MEMORY;
     for (int b = 0; status == CN_OK && b < nbody; b++) {
-        model->body[model->nbody].tick = scene->step;
+        model->body[model->nbody].tick = scene->step, model->body[model->nbody].wall = -1;
         model->body[model->nbody++].spec = &spec[b];
-        status = build_body(&model->body[b], scene, world, error);
+        status = build_body(&model->body[b], world, error);
     }
     if (status != CN_OK) {
         cn_model_free(model);
         return cn_fail(error, status, NULL, 0, "%s", cn_status_text(status));
+    }
+    const bool touch = scene->contact.method != CN_CONTACT_NONE;
+    model->touches = true;
+    model->coupled = touch && nbody > 1;
+    for (int b = 0; b < nbody; b++) {
+        cn_model_body *body = &model->body[b];
+        body->self = touch && (scene->contact.self == CN_ON || (scene->contact.self == CN_AUTO && can_fold(body)));
+        if (world->nwall > 0 || model->coupled || body->self) contact_of(body, scene);
     }
     *out = model;
     return CN_OK;
@@ -363,7 +402,6 @@ void cn_model_free(cn_model *model)
             free(body->load[l].force);
         free(body->load), free(body->fixed), free(body->start), free(body->tip), free(body->behind),
             free(body->offset), free(body->control);
-        cn_contact_model_free(body->contact);
         cn_body_free(body->body);
     }
     free(model->body);

@@ -142,12 +142,8 @@ static cn_status prepare(cn_run_data *run)
     for (int b = 0; b < run->nbody; b++)
         if (run->spec[b].shape.kind != CN_SHAPE_CATHETER && (status = cn_run_plan_body(run, b)) != CN_OK)
             return status;
-    if ((status = cn_state_new(&run->state, run->model)) != CN_OK) return status;
-    if ((status = cn_state_new(&run->trial, run->model)) != CN_OK) return status;
-    if ((status = cn_state_new(&run->spare, run->model)) != CN_OK) return status;
+    if ((status = cn_run_works(run, &run->error)) != CN_OK) return status;
     for (int b = 0; b < run->nbody; b++) {
-        if ((status = cn_work_new(&run->body[b].work, run->model, b, run->pool, &run->error)) != CN_OK)
-            return status;
         const cn_body *body = run->model->body[b].body;
         run->body[b].von_mises = calloc((size_t)body->ntet + 1, sizeof(double));
         run->body[b].turn = calloc(4 * (size_t)body->nturn + 1, sizeof(double));
@@ -159,57 +155,120 @@ static cn_status prepare(cn_run_data *run)
     return CN_OK;
 }
 
-/* True when a body begins inside a wall: named, not shaken out. */
+cn_status cn_run_works(cn_run_data *run, cn_error *error)
+{
+    const size_t n = (size_t)run->nbody;
+    const bool coupled = run->model->coupled;
+    cn_status status;
+    if ((status = cn_state_new(&run->state, run->model)) != CN_OK) return status;
+    if ((status = cn_state_new(&run->trial, run->model)) != CN_OK) return status;
+    if ((status = cn_state_new(&run->spare, run->model)) != CN_OK) return status;
+    run->path = calloc(n + 1, sizeof *run->path);
+    run->figures = calloc(2 * n + 1, sizeof *run->figures);
+    if (!(run->work = calloc(n + 1, sizeof *run->work)) || !run->path || !run->figures) return CN_ERR_MEMORY;
+    for (int b = 0; b < run->nbody; b += coupled ? run->nbody : 1)
+        if ((status = cn_work_new(&run->work[run->nwork++], run->model, b, coupled ? run->nbody : 1,
+                                  run->pool, error)) != CN_OK)
+            return status;
+    return CN_OK;
+}
+
+void cn_run_works_clear(cn_run_data *run)
+{
+    for (int w = 0; w < run->nwork; w++)
+        cn_work_free(run->work[w]);
+    free(run->work), free(run->path), free(run->figures);
+    cn_state_free(run->state), cn_state_free(run->trial), cn_state_free(run->spare);
+}
+
+const cn_path *const *cn_run_paths(const cn_run_data *run)
+{
+    for (int b = 0; b < run->nbody; b++)
+        run->path[b] = run->body[b].path;
+    return run->path;
+}
+
+/* The name of surface s of work w: a body's or a wall's. */
+static const char *surface_name(const cn_run_data *run, int w, int s)
+{
+    int first, n, wall = cn_work_wall(run->work[w], s);
+    cn_work_bodies(run->work[w], &first, &n);
+    return s < n ? run->spec[first + s].name : run->world->wall[wall].name;
+}
+
+/* True when a body begins inside a wall or another body: named, not shaken out. */
 static bool bad_start(cn_run_data *run)
 {
     if (run->scene->contact.method != CN_CONTACT_STRICT) return false;
-    for (int b = 0; b < run->nbody; b++) {
-        cn_findings found;
-        char pairs[160] = "";
-        if (cn_work_check(run->model, b, run->state, run->body[b].work, &found) != CN_OK) continue;
+    for (int b = 0; b < run->nbody; b++)
         if (cn_run_swallowed(run, b)) return true;
+    for (int w = 0; w < run->nwork; w++) {
+        cn_findings found;
+        char pairs[320] = "";
+        int first, n;
+        if (cn_work_check(run->state, run->work[w], &found) != CN_OK) continue;
+        cn_work_bodies(run->work[w], &first, &n);
         if (!found.intersections && !found.outside) continue;
         if (found.intersections)
-            snprintf(pairs, sizeof pairs, "%d crossing triangle pairs (first: wall triangle %d of %.60s), ",
-                     found.intersections, found.wall_triangle, run->world->wall[found.wall].name);
-        cn_run_no_start(run, b, found.depth, found.where, "%s%d points outside the free space", pairs,
-                        found.outside);
+            snprintf(pairs, sizeof pairs,
+                     "%d crossing triangle pairs (first: triangle %d of %.60s and triangle %d of %.60s), ",
+                     found.intersections, found.triangle[0], surface_name(run, w, found.surface[0]),
+                     found.triangle[1], surface_name(run, w, found.surface[1]));
+        cn_run_no_start(run, found.intersections ? first + found.surface[0] : first, found.depth, found.where,
+                        "%s%d points outside the free space", pairs, found.outside);
         return true;
     }
     return false;
 }
 
-cn_status cn_run_advance(cn_run_data *run, int b, cn_step_figures *figures)
+/* Adds what a part of a step did. */
+static void add_part(cn_step_figures *all, const cn_step_figures *part)
 {
-    cn_run_body *body = &run->body[b];
+    all->newton = part->newton > all->newton ? part->newton : all->newton;
+    all->kept += part->kept;
+    all->linear = part->linear > all->linear ? part->linear : all->linear;
+    all->fem_s += part->fem_s, all->collision_s += part->collision_s;
+    all->unconverged += part->unconverged;
+    all->linear_residual = fmax(all->linear_residual, part->linear_residual);
+}
+
+static void add_end(cn_step_figures *all, const cn_step_figures *part)
+{
+    all->force = fmax(all->force, part->force), all->work += part->work;
+    if (!(part->wall_force <= all->wall_force)) {
+        all->wall_force = part->wall_force;
+        cn_copy3(part->wall_where, all->wall_where);
+    }
+    all->gap = fmin(all->gap, part->gap), all->findings = part->findings;
+}
+
+cn_status cn_run_advance(cn_run_data *run, int w)
+{
+    cn_work *work = run->work[w];
     const double dt = run->model->dt;
+    const cn_path *const *path = cn_run_paths(run);
     cn_status status = CN_ERR_CONVERGENCE;
+    int first, n;
+    cn_work_bodies(work, &first, &n);
+    cn_step_figures *figures = run->figures + first, *part = run->figures + run->nbody;
     for (int parts = 1; parts <= 64; parts *= 4) {
         const cn_state *from = run->state;
-        cn_step_figures part;
-        *figures = (cn_step_figures){.gap = INFINITY};
+        for (int b = 0; b < n; b++)
+            figures[b] = (cn_step_figures){.gap = INFINITY};
         for (int i = 0; i < parts; i++) {
-            status = cn_step(run->model, b, from, run->trial, body->path, dt / parts, body->work, &part);
+            status = cn_step(run->model, from, run->trial, path, dt / parts, work, part);
             for (int grown = 0; status == CN_ERR_CONTACT && grown < 6; grown++) {
-                if (cn_work_grow(body->work) != CN_OK) return CN_ERR_MEMORY;
-                status = cn_step(run->model, b, from, run->trial, body->path, dt / parts, body->work, &part);
+                if (cn_work_grow(work) != CN_OK) return CN_ERR_MEMORY;
+                status = cn_step(run->model, from, run->trial, path, dt / parts, work, part);
             }
-            figures->newton = part.newton > figures->newton ? part.newton : figures->newton;
-            figures->kept += part.kept;
-            figures->linear = part.linear > figures->linear ? part.linear : figures->linear;
-            figures->fem_s += part.fem_s, figures->collision_s += part.collision_s;
-            figures->unconverged += part.unconverged;
-            figures->linear_residual = fmax(figures->linear_residual, part.linear_residual);
+            for (int b = 0; b < n; b++)
+                add_part(&figures[b], &part[b]);
             if (status != CN_OK) break;
-            const double residual =
-                cn_step_residual(run->model, b, from, run->trial, body->path, dt / parts, body->work);
-            figures->residual = fmax(figures->residual, residual);
-            figures->force = fmax(figures->force, part.force), figures->work += part.work;
-            if (!(part.wall_force <= figures->wall_force)) {
-                figures->wall_force = part.wall_force;
-                cn_copy3(part.wall_where, figures->wall_where);
-            }
-            figures->gap = fmin(figures->gap, part.gap), figures->findings = part.findings;
+            figures->residual =
+                fmax(figures->residual,
+                     cn_step_residual(run->model, from, run->trial, path, dt / parts, work));
+            for (int b = 0; b < n; b++)
+                add_end(&figures[b], &part[b]);
             if (i + 1 < parts) {
                 run->trial->time = from->time + dt / parts;
                 cn_state_copy(run->spare, run->trial);
@@ -329,25 +388,27 @@ static void drive_on(cn_run_data *run)
         int newton = 0;
         cn_state_copy(run->trial, run->state);
         cn_run_refit(run);
-        for (int b = 0; b < run->nbody && broken_body < 0; b++) {
-            cn_step_figures one;
-            const cn_status status = cn_run_advance(run, b, &one);
+        for (int w = 0; w < run->nwork && broken_body < 0; w++) {
+            const cn_status status = cn_run_advance(run, w);
+            int first, n;
+            cn_work_bodies(run->work[w], &first, &n);
             if (status != CN_OK) {
-                numerics(run, b, status);
+                numerics(run, first, status);
                 return;
             }
-            if (isinf(one.gap)) one.gap = cn_run_far_gap(run, b, run->trial);
             run->trial->step = run->state->step + 1, run->trial->time = run->trial->step * run->model->dt;
-            if (cn_run_limits(run, b, run->trial, &one, &broken)) broken_body = b;
-            figures.newton = one.newton > figures.newton ? one.newton : figures.newton;
-            figures.kept += one.kept, newton += one.newton;
-            figures.linear = one.linear > figures.linear ? one.linear : figures.linear;
-            figures.residual = fmax(figures.residual, one.residual), figures.gap = fmin(figures.gap, one.gap);
-            figures.force += one.force, figures.work += one.work;
-            figures.wall_force = fmax(figures.wall_force, one.wall_force);
-            figures.fem_s += one.fem_s, figures.collision_s += one.collision_s;
-            figures.findings.intersections += one.findings.intersections;
-            figures.findings.outside += one.findings.outside;
+            for (int b = first; b < first + n && broken_body < 0; b++) {
+                cn_step_figures *one = &run->figures[b];
+                if (isinf(one->gap)) one->gap = cn_run_far_gap(run, b, run->trial);
+                if (cn_run_limits(run, b, run->trial, one, &broken)) broken_body = b;
+                add_part(&figures, one), newton += one->newton;
+                figures.residual = fmax(figures.residual, one->residual);
+                figures.gap = fmin(figures.gap, one->gap);
+                figures.force += one->force, figures.work += one->work;
+                figures.wall_force = fmax(figures.wall_force, one->wall_force);
+                figures.findings.intersections += one->findings.intersections;
+                figures.findings.outside += one->findings.outside;
+            }
         }
         if (broken_body >= 0) {
             if (!go_another_way(run, broken_body, &broken)) return;
@@ -394,7 +455,6 @@ static void clear(cn_run_data *run)
         cn_run_body *body = &run->body[b];
         cn_path_free(body->path);
         cn_roadmap_clear(&body->roadmap);
-        cn_work_free(body->work);
         for (int i = 0; i < CN_CHECKPOINTS; i++)
             cn_state_free(body->checkpoint[i].state);
         free(body->vertex_s), free(body->refused);
@@ -402,7 +462,7 @@ static void clear(cn_run_data *run)
     }
     free(run->body);
     cn_leave_clear(&run->leave, run->nbody);
-    cn_state_free(run->state), cn_state_free(run->trial), cn_state_free(run->spare);
+    cn_run_works_clear(run);
     cn_model_free(run->model);
     cn_pool_free(run->pool);
     free(run->spec), free(run->waypoint), free(run->limit);

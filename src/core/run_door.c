@@ -29,19 +29,43 @@ static cn_status add_limits(cn_run_data *run, cn_body_spec *device)
     return CN_OK;
 }
 
+/* Walls and obstacles that give way are bodies too, behind the scene's own. */
+static void add_walls(cn_run_data *run)
+{
+    for (int w = 0; w < run->world->nwall; w++) {
+        const cn_surface_spec *wall = run->world->wall[w].spec;
+        if (!wall || (!wall->deformable && wall->wall.model == CN_WALL_RIGID)) continue;
+        cn_body_spec *spec = &run->spec[run->nbody++];
+        *spec = (cn_body_spec){.name = wall->name,
+                               .shape = wall->shape,
+                               .model = wall->model == CN_BODY_AUTO ? CN_BODY_TET4 : wall->model,
+                               .material = wall->material,
+                               .fixed = wall->fixed,
+                               .nlimit = wall->nlimit,
+                               .limit = wall->limit,
+                               .deadline = INFINITY,
+                               .wall = wall};
+        spec->drive = (cn_drive_spec){.control_all = true, .goal_node = -1, .force_threshold = NAN};
+        if (wall->deformable) continue;
+        spec->material = (cn_material){
+            .young = wall->wall.young, .poisson = wall->wall.poisson, .density = wall->wall.density};
+    }
+}
+
 cn_status cn_run_specs(cn_run_data *run)
 {
     const cn_scene *scene = run->scene;
     const cn_request *request = run->request;
     run->nbody = scene->nbody;
-    run->spec = malloc(((size_t)scene->nbody + 1) * sizeof *run->spec);
+    run->spec = malloc(((size_t)scene->nbody + (size_t)run->world->nwall + 1) * sizeof *run->spec);
     if (!run->spec) return CN_ERR_MEMORY;
     memcpy(run->spec, scene->body, (size_t)scene->nbody * sizeof *run->spec);
+    add_walls(run);
     run->seed = scene->seed, run->budget = scene->planner.budget;
     if (!request) return CN_OK;
     if (request->seed) run->seed = *request->seed;
     if (request->budget > 0) run->budget = request->budget;
-    if (run->nbody == 0)
+    if (scene->nbody == 0)
         return cn_fail(&run->error, CN_ERR_SCENE, scene->path, 0,
                        "the scene has no body to plan for: add one under `bodies`");
     cn_body_spec *device = &run->spec[0];
@@ -89,9 +113,6 @@ cn_status cn_run_supported(cn_run_data *run)
             i < scene->nvessel ? &scene->vessel[i] : &scene->obstacle[i - scene->nvessel];
         if (wall->wall.model != CN_WALL_RIGID)
             return unsupported(run, wall->name, "a deformable wall", "use wall: {model: rigid}");
-        if (wall->deformable)
-            return unsupported(run, wall->name, "a deformable obstacle", "use wall: {model: rigid}");
-        if (wall->npath > 0) return unsupported(run, wall->name, "a moving obstacle", "leave out its path");
     }
     for (int b = 0; b < run->nbody; b++) {
         const cn_body_spec *body = &run->spec[b];
@@ -107,9 +128,6 @@ cn_status cn_run_supported(cn_run_data *run)
             body->model != CN_BODY_ROD)
             return unsupported(run, body->name, "a guidewire core in tetrahedra", "use model: rod");
     }
-    if (run->nbody > 1 && scene->contact.method != CN_CONTACT_NONE)
-        return unsupported(run, "bodies", "contact between several bodies",
-                           "run one body, or contact.method: none");
     if (scene->contact.method == CN_CONTACT_PENALTY)
         return unsupported(run, "contact.method", "penalty", "use strict or project");
     if (scene->contact.friction > 0)
@@ -117,8 +135,6 @@ cn_status cn_run_supported(cn_run_data *run)
     if (scene->contact.response == CN_RESPONSE_ELASTIC && scene->contact.method == CN_CONTACT_STRICT)
         return unsupported(run, "contact.response", "an elastic response in strict contact",
                            "use method: project, or inelastic");
-    if (scene->contact.self == CN_ON)
-        return unsupported(run, "contact.self", "self-contact", "use self: auto");
     return CN_OK;
 }
 
@@ -157,7 +173,8 @@ bool cn_run_swallowed(cn_run_data *run, int b)
     cn_tree *tree;
     bool found = false;
     int tri;
-    if (run->model->body[b].sheath) return false; /* a chain this thin holds nothing */
+    /* a chain this thin holds nothing; a wall's neighbours are the scene's own affair */
+    if (run->model->body[b].sheath || run->spec[b].wall) return false;
     if (cn_tree_new(&tree, body->boundary->ntri, body->boundary->tri,
                     cn_run_points(run, b, run->state, body->nnode)) != CN_OK)
         return false;

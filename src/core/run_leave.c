@@ -116,7 +116,7 @@ static double gap_of(const cn_run_data *run, int b)
 {
     const cn_body *body = run->model->body[b].body;
     double edges = 0;
-    if (run->model->body[b].contact) return run->model->body[b].contact->gap;
+    if (run->model->body[b].gap > 0) return run->model->body[b].gap;
     if (!isnan(run->scene->contact.gap)) return run->scene->contact.gap;
     for (int t = 0; t < body->boundary->ntri; t++)
         edges += cn_distance(body->point + 3 * body->boundary->tri[3 * t],
@@ -139,31 +139,6 @@ static bool meets_itself(cn_run_data *run, int b, const cn_state *state, meeting
     return true;
 }
 
-/* Whether a body's axis turns by so little that it cannot come back to itself: a closed loop, even with a
- * corner where it meets, turns by more than half a circle (Fenchel). */
-static bool cannot_fold(const cn_run_data *run, int b, const cn_state *state)
-{
-    const cn_model_body *model = &run->model->body[b];
-    const double *x = state->body[b].x;
-    double turn = 0, before[3], ahead[3];
-    int n = state->body[b].nfree;
-    if (model->catheter) {
-        cn_axis_points(model, &state->body[b], &n, run->body[b].points);
-        x = run->body[b].points;
-    } else if (model->body->model != CN_BODY_ROD) {
-        return false;
-    }
-    for (int i = 1; i < n; i++, cn_copy3(ahead, before)) {
-        cn_sub(x + 3 * i, x + 3 * i - 3, ahead);
-        cn_normalise(ahead);
-        if (i == 1) continue;
-        double cross[3];
-        cn_cross(before, ahead, cross);
-        turn += atan2(cn_norm(cross), cn_dot(before, ahead));
-    }
-    return turn <= acos(-1.0);
-}
-
 void cn_run_watch(cn_run_data *run)
 {
     cn_leave *leave = &run->leave;
@@ -173,7 +148,7 @@ void cn_run_watch(cn_run_data *run)
     if (left_out != CN_OFF && (leave->every <= 0 || run->report->steps % leave->every)) return;
     for (int b = 0; b < run->nbody; b++) {
         cn_self *self = &leave->self[b];
-        if (self->needed || (left_out == CN_AUTO && cannot_fold(run, b, run->state)) ||
+        if (run->spec[b].wall || self->needed || (left_out == CN_AUTO && cn_cannot_fold(&run->model->body[b], &run->state->body[b], run->body[b].points)) ||
             !meets_itself(run, b, run->state, &m))
             continue;
         if (!self->tested) self->tested = run->state->step;
@@ -220,12 +195,11 @@ static double step_again(cn_run_data *run, const cn_state *from, bool driven)
 {
     double spent = 0;
     cn_state_copy(run->spare, from);
-    for (int b = 0; b < run->nbody; b++) {
-        cn_step_figures figures;
-        if (cn_step(run->model, b, from, run->spare, driven ? run->body[b].path : NULL, run->model->dt,
-                    run->body[b].work, &figures) != CN_OK)
+    for (int w = 0; w < run->nwork; w++) {
+        if (cn_step(run->model, from, run->spare, driven ? cn_run_paths(run) : NULL, run->model->dt,
+                    run->work[w], run->figures) != CN_OK)
             return NAN;
-        spent += figures.fem_s;
+        spent += run->figures->fem_s;
     }
     return spent;
 }
@@ -374,20 +348,19 @@ static void self_contact(cn_run_data *run)
 /* What a body's sheath saves in an undriven step without walls: time of the whole body's less the free
  * part's.
  */
-static double sheath_time(cn_run_data *run, int b, cn_state *from)
+static double sheath_time(cn_run_data *run, int w, int b, cn_state *from)
 {
-    cn_model_body *body = &run->model->body[b];
-    cn_contact_model *const contact = body->contact;
     const int nfree = from->body[b].nfree;
-    cn_step_figures part, whole;
-    body->contact = NULL;
+    double part = 0;
+    run->model->touches = false;
     cn_status status =
-        cn_step(run->model, b, from, run->spare, NULL, run->model->dt, run->body[b].work, &part);
-    from->body[b].nfree = body->body->nnode;
+        cn_step(run->model, from, run->spare, NULL, run->model->dt, run->work[w], run->figures);
+    part = run->figures->fem_s;
+    from->body[b].nfree = run->model->body[b].body->nnode;
     if (status == CN_OK)
-        status = cn_step(run->model, b, from, run->spare, NULL, run->model->dt, run->body[b].work, &whole);
-    from->body[b].nfree = nfree, body->contact = contact;
-    return status == CN_OK ? whole.fem_s - part.fem_s : NAN;
+        status = cn_step(run->model, from, run->spare, NULL, run->model->dt, run->work[w], run->figures);
+    from->body[b].nfree = nfree, run->model->touches = true;
+    return status == CN_OK ? run->figures->fem_s - part : NAN;
 }
 
 static void sheath(cn_run_data *run)
@@ -403,7 +376,8 @@ static void sheath(cn_run_data *run)
     entry->error = 0; /* it is held on that axis */
     for (int i = 0; i < run->leave.nshot; i++)
         for (int b = 0; b < run->nbody; b++)
-            if (run->model->body[b].sheath) saved += sheath_time(run, b, run->leave.shot[i].before);
+            if (run->model->body[b].sheath)
+                saved += sheath_time(run, run->nwork > 1 ? b : 0, b, run->leave.shot[i].before);
     if (run->leave.nshot > 0) entry->time_saved_s = saved / run->leave.nshot * run->nsample;
 }
 

@@ -17,7 +17,6 @@ typedef struct {
     cn_path *path; /* NULL: no waypoints */
     cn_roadmap roadmap;
     double *vertex_s; /* arc lengths of the roadmap vertices on the path (roadmap.npoint) */
-    cn_work *work;
     double *von_mises; /* (ntet) */
     double *turn;      /* copy of the rotations for frames: looking must not change the run (nturn x 4) */
     double *points;    /* scratch of cn_run_points (npoint x 3) */
@@ -78,6 +77,10 @@ struct cn_run_data {
     cn_model *model;
     cn_state *state, *trial, *spare;
     cn_run_body *body;
+    int nwork; /* each of bodies that are solved together */
+    cn_work **work;
+    const cn_path **path;     /* of the bodies, for a step (nbody) */
+    cn_step_figures *figures; /* (2 nbody): of a step, and of one part of it */
     int shown_step; /* of the last frame handed out, -1: none */
     long newton;    /* Newton iterations in all, and */
     long kept;      /* those that an earlier factor served */
@@ -92,9 +95,15 @@ struct cn_run_data {
 cn_status cn_run_visited(cn_world *world, const cn_request *request, cn_planner planner, int threads,
                          const cn_run_hooks *hooks, cn_run_visit visit, void *visitor, cn_report *report,
                          cn_error *error);
-/* One whole step of a body from run->state into run->trial: in quarters, sixteenths, ... where it does not
- * converge (counted as rejected steps; run->spare is used). */
-cn_status cn_run_advance(cn_run_data *run, int body, cn_step_figures *figures);
+/* Model, states and works of the bodies. */
+cn_status cn_run_works(cn_run_data *run, cn_error *error);
+void cn_run_works_clear(cn_run_data *run);
+/* Paths of the bodies as they are now. */
+const cn_path *const *cn_run_paths(const cn_run_data *run);
+/* One whole step of a work's bodies from run->state into run->trial: in quarters, sixteenths, ... where it
+ * does not converge (counted as rejected steps; run->spare is used). Figures of its bodies in run->figures, at
+ * their index. */
+cn_status cn_run_advance(cn_run_data *run, int work);
 
 /* run_door.c: what the request asks, and what this build cannot do; refusals in words. */
 cn_status cn_run_specs(cn_run_data *run);

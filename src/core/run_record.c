@@ -178,8 +178,10 @@ void cn_run_finish(cn_run_data *run)
 {
     cn_report *report = run->report;
     for (int w = 0; w < run->world->nwall; w++) {
-        report->counts.rigid_nodes += run->world->wall[w].surface->nvert;
+        const cn_surface_spec *spec = run->world->wall[w].spec;
         report->counts.wall_triangles += run->world->wall[w].surface->ntri;
+        if (spec && (spec->deformable || spec->wall.model != CN_WALL_RIGID)) continue; /* a body */
+        report->counts.rigid_nodes += run->world->wall[w].surface->nvert;
     }
     report->time.map_s = run->world->map_s;
     if (run->model && run->state) {

@@ -51,10 +51,8 @@ const char *cn_study_method_name(int method)
 static void walk_free(walk *w)
 {
     if (!w) return;
-    for (int b = 0; w->run.body && b < w->run.nbody; b++)
-        cn_work_free(w->run.body[b].work);
+    cn_run_works_clear(&w->run);
     free(w->run.body);
-    cn_state_free(w->run.state), cn_state_free(w->run.trial), cn_state_free(w->run.spare);
     cn_model_free(w->run.model);
     free(w->spec);
     free(w);
@@ -105,15 +103,10 @@ static cn_status walk_new(walk **out, const cn_run_data *from, cn_study_method m
     }
     if (!(run->body = calloc((size_t)run->nbody + 1, sizeof *run->body))) return status;
     if ((status = cn_model_new(&run->model, &w->scene, run->world, run->nbody, run->spec, error)) != CN_OK ||
-        (status = cn_state_new(&run->state, run->model)) != CN_OK ||
-        (status = cn_state_new(&run->trial, run->model)) != CN_OK ||
-        (status = cn_state_new(&run->spare, run->model)) != CN_OK)
+        (status = cn_run_works(run, error)) != CN_OK)
         return status;
-    for (int b = 0; b < run->nbody; b++) {
+    for (int b = 0; b < run->nbody; b++)
         run->body[b].path = from->body[b].path;
-        if ((status = cn_work_new(&run->body[b].work, run->model, b, run->pool, error)) != CN_OK)
-            return status;
-    }
     run->state->step = from->state->step, run->state->time = from->state->time;
     for (int b = 0; b < run->nbody; b++)
         if (w->spec[b].model == from->spec[b].model)
@@ -130,18 +123,20 @@ static cn_status walk_step(walk *w, cn_study_row *row)
     double sample[NSAMPLE] = {0};
     const double start = cn_seconds();
     cn_state_copy(run->trial, run->state);
-    for (int b = 0; b < run->nbody; b++) {
-        cn_step_figures one;
-        const cn_status status = cn_run_advance(run, b, &one);
+    for (int k = 0; k < run->nwork; k++) {
+        const cn_status status = cn_run_advance(run, k);
+        int first, n;
         if (status != CN_OK) return status;
-        sample[FEM_MS] += 1e3 * one.fem_s, sample[COLLISION_MS] += 1e3 * one.collision_s;
-        sample[RESIDUAL] = fmax(sample[RESIDUAL], one.residual);
-        sample[LINEAR] = fmax(sample[LINEAR], one.linear);
-        sample[NEWTON] = fmax(sample[NEWTON], one.newton);
-        row->unconverged += one.unconverged;
-        row->linear_residual = fmax(row->linear_residual, one.linear_residual);
-        row->intersections += one.findings.intersections;
-        row->outside_nodes += one.findings.outside;
+        cn_work_bodies(run->work[k], &first, &n);
+        const cn_step_figures *one = &run->figures[first];
+        sample[FEM_MS] += 1e3 * one->fem_s, sample[COLLISION_MS] += 1e3 * one->collision_s;
+        sample[RESIDUAL] = fmax(sample[RESIDUAL], one->residual);
+        sample[LINEAR] = fmax(sample[LINEAR], one->linear);
+        sample[NEWTON] = fmax(sample[NEWTON], one->newton);
+        row->unconverged += one->unconverged;
+        row->linear_residual = fmax(row->linear_residual, one->linear_residual);
+        row->intersections += one->findings.intersections;
+        row->outside_nodes += one->findings.outside;
     }
     run->trial->step = run->state->step + 1, run->trial->time = run->state->time + run->model->dt;
     cn_state *accepted = run->trial;

@@ -28,9 +28,11 @@ typedef struct {
 typedef struct {
     const cn_body_spec *spec;
     cn_body *body;
-    cn_contact_model *contact; /* NULL: nothing to touch */
     unsigned char *fixed;      /* held by the scene (nblock) */
     double *start;             /* positions at t = 0 [m], NULL: at rest (nnode x 3) */
+    double gap, kappa;         /* contact's barrier begins at [m], 0: nothing to touch; [N/m] */
+    bool self;                 /* touches itself */
+    int wall;                  /* of the world, for which it stands; -1: none */
     int nload;
     cn_nodal_load *load;
     int ntip, *tip; /* nodes of a beam's +x face */
@@ -56,6 +58,8 @@ typedef struct {
     double dt, gravity[3];
     int newton;   /* most iterations of a step */
     bool single;  /* the paper's one frozen-rotation solve */
+    bool coupled; /* all bodies are solved together, since they can touch */
+    bool touches; /* contact takes part */
     bool inertia; /* false: each step is a static equilibrium */
     cn_integrator integrator;
     int nbody;
@@ -81,10 +85,10 @@ typedef struct {
     size_t size; /* of the one block that holds it all */
 } cn_state;
 
-/* Scratch of one body: the matrix and its factor, lists, trial state. */
+/* Scratch of bodies that are solved together: matrices and factors, lists, trial states. */
 typedef struct cn_work cn_work;
 
-/* What one step did to one body. */
+/* What one step did to one body; what holds for all that were solved together stands with the first. */
 typedef struct {
     int newton, linear;               /* iterations */
     int kept;                         /* Newton iterations with an earlier one's factor */
@@ -110,25 +114,31 @@ void cn_state_copy_body(cn_body_state *to, const cn_body_state *from, const cn_m
 /* Sheathed nodes move along the axis with the base; stations past the entry become free. */
 void cn_sheath_advance(const cn_model_body *body, cn_body_state *state, double advance, double dt);
 void cn_sheath_release(const cn_model_body *body, cn_body_state *state);
-cn_status cn_work_new(cn_work **out, const cn_model *model, int body, cn_pool *pool, cn_error *error);
+/* For bodies [first, first + nbody). */
+cn_status cn_work_new(cn_work **out, const cn_model *model, int first, int nbody, cn_pool *pool,
+                      cn_error *error);
 void cn_work_free(cn_work *work);
+void cn_work_bodies(const cn_work *work, int *first, int *nbody);
+/* Wall of the world for which its surface s stands (the bodies' come first); -1: none. */
+int cn_work_wall(const cn_work *work, int surface);
 
-/* One step of one body from `state` into `trial` (copied first): drive along path (NULL: none), solve,
- * contact. CN_OK: trial holds the new state, figures are filled. Any failure leaves `state` untouched; trial
- * is void. CN_ERR_CONVERGENCE: residual above the tolerance after all iterations; CN_ERR_SINGULAR;
- * CN_ERR_NOT_FINITE; CN_ERR_CONTACT: a list is full (cn_work_grow, then again). */
-cn_status cn_step(const cn_model *model, int body, const cn_state *state, cn_state *trial,
-                  const cn_path *path, double dt, cn_work *work, cn_step_figures *figures);
+/* One step of the work's bodies from `state` into `trial` (copied first): drive along path (nbody of the
+ * model; NULL, or an entry NULL: none), solve, contact. CN_OK: trial holds the new state, figures (of the
+ * work's bodies) are filled. Any failure leaves `state` untouched; trial is void. CN_ERR_CONVERGENCE: residual
+ * above the tolerance after all iterations; CN_ERR_SINGULAR; CN_ERR_NOT_FINITE; CN_ERR_CONTACT: a list is full
+ * (cn_work_grow, then again). */
+cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial, const cn_path *const *path,
+                  double dt, cn_work *work, cn_step_figures *figures);
 cn_status cn_work_grow(cn_work *work);
-/* The linear solver in use, and pairs listed. */
-cn_linear cn_work_linear(const cn_work *work);
-/* Start state against the walls: exact crossings, outside points, least distance. */
-cn_status cn_work_check(const cn_model *model, int body, const cn_state *state, cn_work *work,
-                        cn_findings *findings);
+/* `state` against the walls, each other and themselves: exact crossings, outside points, least distance. */
+cn_status cn_work_check(const cn_state *state, cn_work *work, cn_findings *findings);
+/* Whether a body's axis turns by so little that it cannot come back to itself: a closed loop, even with a
+ * corner where it meets, turns by more than half a circle (Fenchel). axis: scratch (nnode x 3). */
+bool cn_cannot_fold(const cn_model_body *body, const cn_body_state *state, double *axis);
 /* Recomputes the residual of the step from `state` to `trial` from inertia, elastic, external, drive and
- * contact forces, apart from the solver (relative to the largest of their norms). */
-double cn_step_residual(const cn_model *model, int body, const cn_state *state, const cn_state *trial,
-                        const cn_path *path, double dt, cn_work *work);
+ * contact forces, apart from the solver (relative to the largest of their norms): of the worst body. */
+double cn_step_residual(const cn_model *model, const cn_state *state, const cn_state *trial,
+                        const cn_path *const *path, double dt, cn_work *work);
 
 /* --- drive.c: forces that lead a body along its path (Moss et al. 2008, 4.2; design of the follow drive) ---
  */

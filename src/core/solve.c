@@ -189,6 +189,13 @@ static cn_status solve_direct(cn_solver *solver, const double *b, double *x, cn_
     return CN_OK;
 }
 
+cn_status cn_solver_apply(cn_solver *solver, const double *r, double *z, cn_pool *pool)
+{
+    if (!solver->factored) return CN_ERR_ARG;
+    if (!solver->direct) return cn_cg_apply(solver->cg, r, z, pool);
+    return solve_direct(solver, r, z, pool);
+}
+
 /* |b - A x| / |b| over the rows not held; product becomes b - A x. */
 static double residual_of(cn_solver *solver, const double *b, const double *x, cn_pool *pool)
 {

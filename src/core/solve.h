@@ -43,4 +43,8 @@ cn_status cn_solver_factor(cn_solver *solver, const cn_matrix *a, int nactive, c
  * and *residual (|b - A x| / |b|) may be NULL. CN_ERR_ARG: no factor. */
 cn_status cn_solver_solve(cn_solver *solver, const double *b, double *x, double tolerance, int max_iterations,
                           int *iterations, double *residual, cn_pool *pool);
+
+/* z = M^-1 r, symmetric positive definite: the direct solvers' solution, of CG and PCG the preconditioner
+ * alone (held entries of z become 0). For who iterates over more than one matrix. */
+cn_status cn_solver_apply(cn_solver *solver, const double *r, double *z, cn_pool *pool);
 #endif

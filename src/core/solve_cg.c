@@ -194,6 +194,22 @@ static cn_status coarse_part(cn_cg *cg, double *rz, cn_pool *pool)
     return status;
 }
 
+cn_status cn_cg_apply(cn_cg *cg, const double *r, double *z, cn_pool *pool)
+{
+    double more = 0;
+    for (int i = 0; i < cg->nactive; i++) {
+        for (int c = 3 * i; c < 3 * i + 3; c++)
+            cg->r[c] = cg->held[i] ? 0 : r[c];
+        precondition(cg, i);
+    }
+    const cn_status status = cg->coarse ? cn_coarse_solve(cg->coarse, cg->r, &more, pool) : CN_OK;
+    for (int i = 0; status == CN_OK && i < cg->nactive; i++) {
+        if (cg->coarse) cn_coarse_add(cg->coarse, i, cg->z + 3 * (size_t)i);
+        memcpy(z + 3 * (size_t)i, cg->z + 3 * (size_t)i, 3 * sizeof *z);
+    }
+    return status;
+}
+
 cn_status cn_cg_solve(cn_cg *cg, const double *b, double *x, double tolerance, int max_iterations,
                       int *iterations, double *residual, cn_pool *pool)
 {

@@ -69,6 +69,7 @@ cn_status cn_cg_new(cn_cg **out, const cn_matrix *pattern, bool two_levels);
 void cn_cg_free(cn_cg *cg);
 cn_status cn_cg_factor(cn_cg *cg, const cn_matrix *a, int nactive, const unsigned char *held, const double *x,
                        cn_pool *pool);
+cn_status cn_cg_apply(cn_cg *cg, const double *r, double *z, cn_pool *pool); /* z = M^-1 r */
 cn_status cn_cg_solve(cn_cg *cg, const double *b, double *x, double tolerance, int max_iterations,
                       int *iterations, double *residual, cn_pool *pool);
 

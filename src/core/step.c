@@ -1,4 +1,4 @@
-/* step.c - one step of one body: stages of the integrator, each a minimum (step_parts.h), h its own step:
+/* step.c - one step of all bodies that are solved together: stages of the integrator, each a minimum (step_parts.h), h its own step:
  *
  *   euler      h = dt: ahead = dt v0, lag = 0.
  *   midpoint   h = dt/2 to the middle: ahead = h v0, lag = 0; the end is as far again, v1 = 2 v_mid - v0.
@@ -16,129 +16,28 @@
 
 static const double trbdf2_gamma = 0.58578643762690495; /* 2 - sqrt 2 */
 
-/* Vectors out of the one block of memory. */
-static void hand_out(cn_work *work, size_t blocks, size_t nodes, size_t points)
-{
-    double *next = work->memory,
-           **const of_blocks[] = {&work->u,        &work->ahead,   &work->lag,      &work->constant,
-                                  &work->trial,    &work->trial_u, &work->gradient, &work->elastic,
-                                  &work->external, &work->path,    &work->touch,    &work->dx,
-                                  &work->moved,    &work->damped,  &work->axis};
-    double **const of_nodes[] = {&work->drive.force, &work->drive.centre, &work->drive.tangent,
-                                 &work->drive.towards};
-    double **const of_points[] = {&work->motion, &work->points, &work->points_trial, &work->points_force};
-    for (size_t i = 0; i < sizeof of_blocks / sizeof *of_blocks; i++, next += 3 * blocks)
-        *of_blocks[i] = next;
-    for (size_t i = 0; i < sizeof of_nodes / sizeof *of_nodes; i++, next += 3 * nodes)
-        *of_nodes[i] = next;
-    for (size_t i = 0; i < sizeof of_points / sizeof *of_points; i++, next += 3 * points)
-        *of_points[i] = next;
-    work->drive.weight = next, work->drive.lead = next + nodes, work->drive.pull = next + 2 * nodes;
-    work->drive.hold = next + 3 * nodes;
-    work->spin = next + 4 * nodes;
-    work->factored_turn = work->spin + (blocks > nodes ? 9 * nodes : 0);
-}
-
-/* Levels of a chain of stations, NULL: the solver looks for itself. */
-static cn_status levels_of(const cn_model_body *body, int **level)
-{
-    const cn_body *b = body->body;
-    *level = NULL;
-    if (!body->catheter && b->model != CN_BODY_ROD) return CN_OK;
-    if (!(*level = malloc((size_t)b->nblock * sizeof **level))) return CN_ERR_MEMORY;
-    for (int i = 0; i < b->nblock; i++)
-        (*level)[i] = i % b->nnode / body->per_station;
-    return CN_OK;
-}
-
-cn_status cn_work_new(cn_work **out, const cn_model *model, int ibody, cn_pool *pool, cn_error *error)
-{
-    cn_work *work = calloc(1, sizeof *work);
-    const cn_model_body *body = &model->body[ibody];
-    const cn_body *b = body->body;
-    const size_t blocks = (size_t)b->nblock, nodes = (size_t)b->nnode, points = (size_t)b->npoint;
-    const cn_body *const bodies[1] = {b};
-    const int first[1] = {0};
-    cn_status status = CN_ERR_MEMORY;
-    int *level = NULL;
-    *out = NULL;
-    if (!work) return CN_ERR_MEMORY;
-    work->model = model, work->body = body, work->pool = pool;
-    if (!(work->held = calloc(blocks, 1))) goto fail;
-    if (!(work->memory =
-              calloc(45 * blocks + 25 * nodes + 12 * points + 4 * (size_t)b->nturn, sizeof(double))))
-        goto fail;
-    hand_out(work, blocks, nodes, points);
-    work->anchored = memchr(body->fixed, 1, blocks) != NULL;
-    if ((status = cn_matrix_new(&work->matrix, 1, bodies, first)) != CN_OK) goto fail;
-    work->damping = *work->matrix;
-    work->damping.value = NULL;
-    status = CN_ERR_MEMORY;
-    if (b->damping_stiffness > 0 &&
-        !(work->damping.value = calloc(9 * (size_t)work->matrix->nblock, sizeof(double))))
-        goto fail;
-    if ((status = cn_body_bind(&work->scatter, b, work->matrix, 0)) != CN_OK) goto fail;
-    if ((status = cn_carry_new(&work->carry, b)) != CN_OK) goto fail;
-    if ((status = levels_of(body, &level)) != CN_OK) goto fail;
-    if ((status = cn_solver_new(&work->solver, work->matrix, model->scene->solver.linear, level, error)) !=
-        CN_OK)
-        goto fail;
-    if (body->contact && (status = cn_contact_new(&work->contact, body->contact)) != CN_OK) goto fail;
-    free(level);
-    *out = work;
-    return CN_OK;
-fail:
-    free(level);
-    cn_work_free(work);
-    return cn_fail(error, status, NULL, 0, "%s", cn_status_text(status));
-}
-
-void cn_work_free(cn_work *work)
-{
-    if (!work) return;
-    cn_contact_free(work->contact);
-    cn_carry_free(work->carry);
-    cn_solver_free(work->solver);
-    cn_scatter_free(work->scatter);
-    free(work->damping.value);
-    cn_matrix_free(work->matrix);
-    free(work->held);
-    free(work->memory);
-    free(work);
-}
-
-cn_status cn_work_grow(cn_work *work)
-{
-    return work->contact ? cn_contact_grow(work->contact) : CN_OK;
-}
-
-cn_linear cn_work_linear(const cn_work *work)
-{
-    return cn_solver_kind(work->solver);
-}
-
 /* Gravity, loads that are on, and the drive's held part. */
 static void external_force(const cn_stage *s, double time)
 {
-    cn_work *work = s->work;
+    cn_part *part = s->part;
     const double late = 1e-6 * s->h; /* a load's window counts whole steps */
-    const cn_model_body *body = work->body;
+    const cn_model_body *body = part->body;
     EACH_FREE(s, i)
     for (int k = 0; k < 3; k++)
-        work->external[3 * i + k] = i < body->body->nnode ? body->body->mass[i] * work->model->gravity[k] +
-                                                                work->drive.force[3 * i + k]
+        part->external[3 * i + k] = i < body->body->nnode ? body->body->mass[i] * part->model->gravity[k] +
+                                                                part->drive.force[3 * i + k]
                                                           : 0;
     for (int l = 0; l < body->nload; l++)
         if (time > body->load[l].from + late && time <= body->load[l].until + late) EACH_FREE(s, i)
-    cn_axpy(1, body->load[l].force + 3 * i, work->external + 3 * i);
+    cn_axpy(1, body->load[l].force + 3 * i, part->external + 3 * i);
 }
 
 /* A rod's inertia in world axes: R diag(inertia) R' of its frames at the step's start. */
 static void turn_inertia(const cn_stage *s)
 {
-    const cn_body *b = s->work->body->body;
+    const cn_body *b = s->part->body->body;
     for (int i = 0; b->nblock > b->nnode && i < s->nfree; i++) {
-        double *j = s->work->spin + 9 * (size_t)i, r[9];
+        double *j = s->part->spin + 9 * (size_t)i, r[9];
         cn_quaternion_matrix(s->rotation + 4 * (size_t)i, r);
         for (int p = 0; p < 3; p++)
             for (int q = 0; q < 3; q++) {
@@ -149,29 +48,50 @@ static void turn_inertia(const cn_stage *s)
     }
 }
 
-/* What both the step and its recomputed residual begin with. nfree: of the state at the step's start. */
-static void set_up(cn_stage *s, const cn_model *model, int ibody, const cn_body_state *from, int nfree,
-                   double *x, double *rotation, const cn_path *path, double dt, cn_work *work)
+/* A body in the first stage; its free nodes are those at the step's start. */
+static void set_up(cn_stage *s, cn_part *part, const cn_body_state *from, double *x, double *rotation,
+                   const cn_path *path, double dt)
 {
-    const cn_model_body *body = &model->body[ibody];
+    const cn_model *model = part->model;
+    const cn_model_body *body = part->body;
     const cn_body *b = body->body;
+    const int nfree = from->nfree;
     const bool rod = b->nblock > b->nnode;
-    *s = (cn_stage){.work = work, .from = from, .h = dt, .nfree = nfree, .x = x, .rotation = rotation};
+    *s = (cn_stage){.part = part, .from = from, .h = dt, .nfree = nfree, .x = x, .rotation = rotation, .path = path};
     s->nactive = nfree + body->per_station < b->nnode ? nfree + body->per_station : b->nnode;
     s->again = rod ? b->nnode : nfree;
     s->last = nfree == 0 ? 0 : rod ? b->nnode + nfree : nfree;
     s->rows = rod ? b->nblock : nfree;
-    s->strict = body->contact && model->scene->contact.method == CN_CONTACT_STRICT;
     s->free_flight =
-        model->inertia && !model->single && !work->anchored && !path && !body->contact && nfree == b->nnode;
-    memset(work->held, 1, (size_t)b->nblock);
+        model->inertia && !model->single && !part->anchored && !path && nfree == b->nnode;
+    memset(part->held, 1, (size_t)b->nblock);
     EACH_FREE(s, i)
-    work->held[i] = body->fixed[i];
-    cn_drive_prepare(body, from, path, dt, &work->drive);
+    part->held[i] = body->fixed[i];
+    cn_drive_prepare(body, from, path, dt, &part->drive);
     turn_inertia(s);
-    memset(work->lag, 0, 3 * (size_t)b->nblock * sizeof(double));
-    memset(work->ahead, 0, 3 * (size_t)b->nblock * sizeof(double));
-    memset(work->constant, 0, 3 * (size_t)b->nblock * sizeof(double));
+    memset(part->lag, 0, 3 * (size_t)b->nblock * sizeof(double));
+    memset(part->ahead, 0, 3 * (size_t)b->nblock * sizeof(double));
+    memset(part->constant, 0, 3 * (size_t)b->nblock * sizeof(double));
+}
+
+/* What both the step and its recomputed residual begin with. */
+static void group_up(cn_group *g, cn_work *work, const cn_state *state, cn_state *trial,
+                     const cn_path *const *path, double dt)
+{
+    *g = (cn_group){.work = work, .n = work->npart, .stage = work->stage};
+    bool near = work->surfaces && work->surfaces->nsurface > 1;
+    for (int p = 0; work->surfaces && p < work->npart; p++)
+        near |= work->surfaces->surface[p].self =
+            work->part[p].body->self &&
+            !cn_cannot_fold(work->part[p].body, &state->body[work->first + p], work->part[p].axis);
+    g->strict = near && work->model->touches && work->model->scene->contact.method == CN_CONTACT_STRICT;
+    for (int p = 0; p < work->npart; p++) {
+        cn_part *part = &work->part[p];
+        const cn_body_state *from = &state->body[part->index];
+        cn_body_state *to = &trial->body[part->index];
+        set_up(&g->stage[p], part, from, to->x, to->rotation, path ? path[part->index] : NULL, dt);
+        g->stage[p].free_flight &= !g->strict;
+    }
 }
 
 /* ahead = a v + b w of what is not fixed. */
@@ -179,198 +99,315 @@ static void set_ahead(const cn_stage *s, double a, const double *v, double b, co
 {
     EACH_FREE(s, i)
     for (int k = 3 * i; k < 3 * i + 3; k++)
-        s->work->ahead[k] = s->work->body->fixed[i] ? 0 : a * v[k] + (w ? b * w[k] : 0);
+        s->part->ahead[k] = s->part->body->fixed[i] ? 0 : a * v[k] + (w ? b * w[k] : 0);
 }
 
 /* Sum of nodal drive forces and the base's push; their work over the step. */
 static void drive_figures(const cn_stage *s, cn_step_figures *figures)
 {
-    const cn_work *work = s->work;
+    const cn_part *part = s->part;
     double push = 0;
     for (int i = 0; i < s->nfree; i++) {
         double f[3];
         for (int k = 0; k < 3; k++)
-            f[k] = work->drive.force[3 * i + k] + work->path[3 * i + k];
+            f[k] = part->drive.force[3 * i + k] + part->path[3 * i + k];
         figures->force += cn_norm(f);
         for (int k = 0; k < 3; k++)
             figures->work += f[k] * (s->x[3 * i + k] - s->from->x[3 * i + k]);
     }
     for (int i = s->nfree; i < s->nactive; i++)
-        push -= cn_dot(work->elastic + 3 * i, work->body->direction);
+        push -= cn_dot(part->elastic + 3 * i, part->body->direction);
     figures->force += fabs(push);
-    figures->work += push * work->drive.advance;
+    figures->work += push * part->drive.advance;
 }
 
-/* The force at the start of the step, without inertia, into work->constant. */
-static cn_status force_at_start(const cn_stage *s)
+/* The force at the start of the step, without inertia, into part->constant. */
+static cn_status force_at_start(const cn_group *g)
 {
-    cn_work *work = s->work;
-    const cn_body *b = work->body->body;
-    const size_t all = 3 * (size_t)b->nblock * sizeof(double);
-    memset(work->elastic, 0, all), memset(work->touch, 0, all);
-    cn_body_add_elastic(b, s->nactive, s->x, s->rotation, work->elastic, CN_TANGENT_WARPED, 1, NULL,
-                        work->pool);
-    if (s->strict) {
-        const cn_status status = cn_stage_start(s, NULL);
-        if (status != CN_OK) return status;
-        cn_stage_touch(s, s->x);
+    cn_status status;
+    EACH_STAGE(g, s)
+    memset(s->part->touch, 0, 3 * (size_t)s->part->body->body->nblock * sizeof(double));
+    if (g->strict) {
+        if ((status = cn_stage_start(g, false)) != CN_OK) return status;
+        cn_touch(g, CN_AT_STATE, false, false);
     }
-    if (work->damping.value)
-        cn_matrix_multiply(&work->damping, s->rows, s->from->v, work->damped, work->pool);
-    EACH_FREE(s, i)
+    EACH_STAGE(g, s)
     {
-        double pull[3];
-        cn_stage_mass(s, i, s->from->v + 3 * i, pull);
-        for (int k = 0; k < 3; k++)
-            work->constant[3 * i + k] = work->elastic[3 * i + k] + work->touch[3 * i + k] +
-                                        work->external[3 * i + k] - b->damping * pull[k];
-        if (work->damping.value) cn_axpy(-b->damping_stiffness, work->damped + 3 * i, work->constant + 3 * i);
+        cn_part *part = s->part;
+        const cn_body *b = part->body->body;
+        memset(part->elastic, 0, 3 * (size_t)b->nblock * sizeof(double));
+        cn_body_add_elastic(b, s->nactive, s->x, s->rotation, part->elastic, CN_TANGENT_WARPED, 1, NULL,
+                            part->pool);
+        if (part->damping.value)
+            cn_matrix_multiply(&part->damping, s->rows, s->from->v, part->damped, part->pool);
+        EACH_FREE(s, i)
+        {
+            double pull[3];
+            cn_stage_mass(s, i, s->from->v + 3 * i, pull);
+            for (int k = 0; k < 3; k++)
+                part->constant[3 * i + k] = part->elastic[3 * i + k] + part->touch[3 * i + k] +
+                                            part->external[3 * i + k] - b->damping * pull[k];
+            if (part->damping.value)
+                cn_axpy(-b->damping_stiffness, part->damped + 3 * i, part->constant + 3 * i);
+        }
     }
     return CN_OK;
 }
 
-static cn_status step_euler(cn_stage *s, double time, cn_step_figures *figures)
+/* The motion to begin with: as far as the velocity leads. */
+static void go_ahead(const cn_group *g)
 {
-    cn_work *work = s->work;
+    EACH_STAGE(g, s)
+    EACH_FREE(s, i)
+    cn_copy3(s->part->ahead + 3 * i, s->part->dx + 3 * i);
+}
+
+static cn_status step_euler(const cn_group *g, double time, cn_step_figures *figures)
+{
     cn_status status;
-    external_force(s, time + s->h);
-    set_ahead(s, s->h, s->from->v, 0, NULL);
-    /* begin where the velocity leads */
-    if ((status = cn_stage_start(s, work->model->single ? NULL : work->ahead)) != CN_OK) return status;
-    status = cn_stage_minimise(s, figures);
-    if (status != CN_ERR_CONVERGENCE && status != CN_ERR_NOT_FINITE) return status;
+    EACH_STAGE(g, s)
+    {
+        external_force(s, time + s->h);
+        set_ahead(s, s->h, s->from->v, 0, NULL);
+    }
+    go_ahead(g); /* begin where the velocity leads */
+    if ((status = cn_stage_start(g, !g->work->model->single)) != CN_OK) return status;
+    status = cn_stage_minimise(g, figures);
+    if ((status != CN_ERR_CONVERGENCE && status != CN_ERR_NOT_FINITE) || g->work->moving) return status;
+    EACH_STAGE(g, s)
     EACH_FREE(s, i)
     { /* or at rest, where that leads too far */
-        memset(work->u + 3 * i, 0, 3 * sizeof(double));
+        memset(s->part->u + 3 * i, 0, 3 * sizeof(double));
         memcpy(s->x + 3 * i, s->from->x + 3 * i, 3 * sizeof(double));
     }
-    if ((status = cn_stage_start(s, NULL)) != CN_OK) return status;
-    return cn_stage_minimise(s, figures);
+    if ((status = cn_stage_start(g, false)) != CN_OK) return status;
+    return cn_stage_minimise(g, figures);
 }
 
-static cn_status step_midpoint(cn_stage *s, double time, cn_step_figures *figures)
+static cn_status step_midpoint(const cn_group *g, double time, cn_step_figures *figures)
 {
-    cn_work *work = s->work;
     cn_status status;
-    s->h *= 0.5;
-    external_force(s, time + s->h);
-    set_ahead(s, s->h, s->from->v, 0, NULL);
-    if ((status = cn_stage_start(s, work->ahead)) != CN_OK) return status;
-    if ((status = cn_stage_minimise(s, figures)) != CN_OK) return status;
-    s->h *= 2;
-    EACH_FREE(s, i)
-    for (int k = 3 * i; k < 3 * i + 3; k++) {
-        work->u[k] *= 2;
-        s->x[k] = s->from->x[k] + work->u[k];
-        work->lag[k] = work->body->fixed[i] ? 0 : s->h * s->from->v[k] - work->u[k]; /* v1 = 2 u / dt - v0 */
+    EACH_STAGE(g, s)
+    {
+        s->h *= 0.5;
+        external_force(s, time + s->h);
+        set_ahead(s, s->h, s->from->v, 0, NULL);
+    }
+    go_ahead(g);
+    if ((status = cn_stage_start(g, true)) != CN_OK) return status;
+    if ((status = cn_stage_minimise(g, figures)) != CN_OK) return status;
+    EACH_STAGE(g, s)
+    {
+        cn_part *part = s->part;
+        s->h *= 2;
+        EACH_FREE(s, i)
+        for (int k = 3 * i; k < 3 * i + 3; k++) {
+            part->u[k] *= 2;
+            s->x[k] = s->from->x[k] + part->u[k];
+            part->lag[k] =
+                part->body->fixed[i] ? 0 : s->h * s->from->v[k] - part->u[k]; /* v1 = 2 u / dt - v0 */
+        }
     }
     return CN_OK;
 }
 
-static cn_status step_trbdf2(cn_stage *s, double time, cn_step_figures *figures)
+static cn_status step_trbdf2(const cn_group *g, double time, double dt, cn_step_figures *figures)
 {
-    cn_work *work = s->work;
-    const double g = trbdf2_gamma, a = 1 / (g * (2 - g)), dt = s->h, *v0 = s->from->v;
+    const double c = trbdf2_gamma, a = 1 / (c * (2 - c));
     cn_status status;
-    s->h = 0.5 * g * dt;
-    external_force(s, time + 1e-5 * dt); /* loads that begin now are on */
-    if ((status = force_at_start(s)) != CN_OK) return status;
-    external_force(s, time + g * dt);
-    set_ahead(s, 2 * s->h, v0, 0, NULL);
-    EACH_FREE(s, i)
-    for (int k = 3 * i; k < 3 * i + 3; k++)
-        work->lag[k] = 0.5 * work->ahead[k];
-    if ((status = cn_stage_start(s, work->ahead)) != CN_OK) return status;
-    if ((status = cn_stage_minimise(s, figures)) != CN_OK) return status;
-
-    memset(work->constant, 0, 3 * (size_t)work->body->body->nblock * sizeof(double));
-    external_force(s, time + dt);
-    EACH_FREE(s, i)
-    for (int k = 3 * i; k < 3 * i + 3; k++) {
-        const double vg = (work->u[k] - work->lag[k]) / s->h;
-        work->lag[k] = a * work->u[k];
-        work->ahead[k] = work->body->fixed[i] ? 0 : work->lag[k] + s->h * (a * vg - (a - 1) * v0[k]);
-        work->dx[k] = (1 - g) * dt * vg;
+    EACH_STAGE(g, s)
+    {
+        s->h = 0.5 * c * dt;
+        external_force(s, time + 1e-5 * dt); /* loads that begin now are on */
     }
-    if ((status = cn_stage_start(s, work->dx)) != CN_OK) return status;
-    return cn_stage_minimise(s, figures);
+    if ((status = force_at_start(g)) != CN_OK) return status;
+    EACH_STAGE(g, s)
+    {
+        external_force(s, time + c * dt);
+        set_ahead(s, 2 * s->h, s->from->v, 0, NULL);
+        EACH_FREE(s, i)
+        for (int k = 3 * i; k < 3 * i + 3; k++)
+            s->part->lag[k] = 0.5 * s->part->ahead[k];
+    }
+    go_ahead(g);
+    if ((status = cn_stage_start(g, true)) != CN_OK) return status;
+    if ((status = cn_stage_minimise(g, figures)) != CN_OK) return status;
+
+    EACH_STAGE(g, s)
+    {
+        cn_part *part = s->part;
+        memset(part->constant, 0, 3 * (size_t)part->body->body->nblock * sizeof(double));
+        external_force(s, time + dt);
+        EACH_FREE(s, i)
+        for (int k = 3 * i; k < 3 * i + 3; k++) {
+            const double vg = (part->u[k] - part->lag[k]) / s->h;
+            part->lag[k] = a * part->u[k];
+            part->ahead[k] =
+                part->body->fixed[i] ? 0 : part->lag[k] + s->h * (a * vg - (a - 1) * s->from->v[k]);
+            part->dx[k] = (1 - c) * dt * vg;
+        }
+    }
+    if ((status = cn_stage_start(g, true)) != CN_OK) return status;
+    return cn_stage_minimise(g, figures);
 }
 
-/* What the contact's response makes of the new state, and the check that shares nothing with it. */
-static cn_status meet_walls(const cn_stage *s, cn_body_state *to, double dt, cn_step_figures *figures)
+/* Where moving walls are at the step's start, and where they go. */
+static void place_walls(cn_work *work, double from, double to)
 {
-    cn_work *work = s->work;
-    const cn_model_body *body = work->body;
-    const cn_body *b = body->body;
-    const cn_scene *scene = work->model->scene;
-    int naxis, wall;
-    if (s->strict) {
-        const double *points = cn_body_points(b, s->nactive, to->x, to->rotation, work->points);
-        figures->gap = cn_contact_least(work->contact);
-        figures->wall_force =
-            cn_contact_patch_force(body->contact, work->contact, points, figures->wall_where, &wall);
-    } else if (scene->contact.method == CN_CONTACT_PROJECT && !work->carry) {
-        double impulse[3] = {0, 0, 0};
-        memcpy(work->trial, to->v, 3 * (size_t)s->nfree * sizeof(double));
-        cn_contact_project(body->contact, work->contact, s->nfree, to->x, to->v, scene->contact.response,
-                           scene->contact.restitution, 20);
-        for (int i = 0; i < 3 * s->nfree; i++)
-            impulse[i % 3] += b->mass[i / 3] * (to->v[i] - work->trial[i]);
-        figures->wall_force = cn_norm(impulse) / dt;
+    const cn_contact_model *surfaces = work->surfaces;
+    work->way_left = 1;
+    for (int w = work->npart; work->moving && w < surfaces->nsurface; w++) {
+        const cn_contact_surface *wall = &surfaces->surface[w];
+        double start[3], end[3];
+        if (!wall->moving) continue;
+        cn_wall_shift(&work->model->world->wall[wall->wall], from, start);
+        cn_wall_shift(&work->model->world->wall[wall->wall], to, end);
+        for (int i = 0; i < 3 * wall->npoint; i++) {
+            const size_t at = 3 * (size_t)wall->first + (size_t)i;
+            work->points[at] = wall->rest[i] + start[i % 3];
+            work->goal[at] = wall->rest[i] + end[i % 3];
+        }
     }
-    cn_axis_points(body, to, &naxis, work->axis);
-    const double *points = cn_body_points(b, to->nfree, to->x, to->rotation, work->points);
-    const cn_status status = cn_contact_check(body->contact, work->contact, cn_body_points_of(b, to->nfree),
-                                              points, naxis, work->axis, &figures->findings, work->pool);
+}
+
+/* Everything where `state` has it: points, those that take part, axes; how many axis points. */
+static int gather(cn_work *work, const cn_state *state)
+{
+    int naxis = 0;
+    for (int p = 0; p < work->npart; p++) {
+        const cn_part *part = &work->part[p];
+        const cn_body *b = part->body->body;
+        const cn_body_state *at = &state->body[part->index];
+        double *own = work->points + 3 * (size_t)work->surfaces->surface[p].first;
+        const double *x = cn_body_points(b, at->nfree, at->x, at->rotation, own);
+        int n;
+        if (x != own) memcpy(own, x, 3 * (size_t)b->npoint * sizeof *own);
+        work->nfree[p] = cn_body_points_of(b, at->nfree);
+        cn_axis_points(part->body, at, &n, part->axis);
+        memcpy(work->axis + 3 * (size_t)naxis, part->axis, 3 * (size_t)n * sizeof *own);
+        naxis += n;
+    }
+    return naxis;
+}
+
+/* The paper's response to the new state: points moved apart, velocities adjusted. */
+static void project(const cn_group *g, cn_state *trial, double dt, cn_step_figures *figures)
+{
+    cn_work *work = g->work;
+    const cn_scene *scene = work->model->scene;
+    double *v = work->force; /* velocities of the points */
+    for (int i = 0; i < work->surfaces->npoint; i++)
+        work->mass[i] = INFINITY;
+    memset(v, 0, 3 * (size_t)work->surfaces->npoint * sizeof *v);
+    EACH_STAGE(g, s)
+    {
+        const int first = work->surfaces->surface[s - g->stage].first;
+        const cn_body_state *to = &trial->body[s->part->index];
+        for (int i = 0; i < s->nfree; i++)
+            if (!s->part->body->fixed[i]) work->mass[first + i] = s->part->body->body->mass[i];
+        memcpy(v + 3 * (size_t)first, to->v, 3 * (size_t)s->nfree * sizeof *v);
+    }
+    gather(work, trial);
+    for (int p = 0; p < g->n; p++)
+        work->nfree[p] = g->stage[p].nfree;
+    cn_contact_project(work->surfaces, work->contact, work->nfree, work->mass, work->points, v,
+                       scene->contact.response, scene->contact.restitution, 20);
+    EACH_STAGE(g, s)
+    {
+        const size_t first = 3 * (size_t)work->surfaces->surface[s - g->stage].first;
+        cn_body_state *to = &trial->body[s->part->index];
+        double impulse[3] = {0, 0, 0};
+        for (int i = 0; i < 3 * s->nfree; i++)
+            impulse[i % 3] += s->part->body->body->mass[i / 3] * (v[first + (size_t)i] - to->v[i]);
+        memcpy(to->x, work->points + first, 3 * (size_t)s->nfree * sizeof *v);
+        memcpy(to->v, v + first, 3 * (size_t)s->nfree * sizeof *v);
+        figures[s - g->stage].wall_force = cn_norm(impulse) / dt;
+    }
+}
+
+/* The check that shares nothing with the response. */
+static cn_status check(cn_work *work, const cn_state *state, cn_findings *findings)
+{
+    const int naxis = gather(work, state);
+    return cn_contact_check(work->surfaces, work->contact, work->nfree, work->points, naxis, work->axis,
+                            findings, work->pool);
+}
+
+/* What the contact's response makes of the new state, and the check. */
+static cn_status meet_walls(const cn_group *g, cn_state *trial, double dt, cn_step_figures *figures)
+{
+    cn_work *work = g->work;
+    if (g->strict) {
+        gather(work, trial);
+        for (int p = 0; p < g->n; p++) {
+            int other;
+            figures[p].gap = cn_contact_least(work->contact, p);
+            figures[p].wall_force = cn_contact_patch_force(work->surfaces, work->contact, p, work->points,
+                                                           figures[p].wall_where, &other);
+        }
+    } else if (work->model->scene->contact.method == CN_CONTACT_PROJECT) {
+        project(g, trial, dt, figures);
+    }
+    const cn_status status = check(work, trial, &figures->findings);
     if (figures->findings.outside) figures->gap = fmin(figures->gap, -figures->findings.depth);
     /* never accepted, whatever the response made of it */
-    return s->strict && status == CN_OK && figures->findings.intersections + figures->findings.outside > 0
+    return g->strict && status == CN_OK && figures->findings.intersections + figures->findings.outside > 0
                ? CN_ERR_NOT_FREE
                : status;
 }
 
-cn_status cn_step(const cn_model *model, int ibody, const cn_state *state, cn_state *trial,
-                  const cn_path *path, double dt, cn_work *work, cn_step_figures *figures)
+cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial, const cn_path *const *path,
+                  double dt, cn_work *work, cn_step_figures *figures)
 {
-    const cn_model_body *body = &model->body[ibody];
-    const cn_body *b = body->body;
-    const cn_body_state *from = &state->body[ibody];
-    cn_body_state *to = &trial->body[ibody];
     const double start = cn_step_seconds();
+    cn_group g;
     cn_status status;
-    cn_stage s;
 
-    *figures = (cn_step_figures){.gap = INFINITY};
-    cn_state_copy_body(to, from, body);
-    set_up(&s, model, ibody, from, from->nfree, to->x, to->rotation, path, dt, work);
+    for (int p = 0; p < work->npart; p++)
+        cn_state_copy_body(&trial->body[work->first + p], &state->body[work->first + p], work->part[p].body);
+    group_up(&g, work, state, trial, path, dt);
     work->collision_s = 0, work->added = 0;
-    cn_sheath_advance(body, to, work->drive.advance, dt);
-    memset(work->u, 0, 3 * (size_t)b->nblock * sizeof(double));
-    if (work->damping.value) {
-        cn_matrix_clear(work->matrix, s.rows < b->nblock ? s.nactive : b->nblock);
-        cn_body_add_elastic(b, s.nactive, from->x, to->rotation, work->elastic, CN_TANGENT_PROJECTED, 1,
-                            work->scatter, work->pool);
-        memcpy(work->damping.value, work->matrix->value, 9 * (size_t)work->matrix->nblock * sizeof(double));
+    EACH_STAGE(&g, s)
+    {
+        cn_part *part = s->part;
+        const cn_body *b = part->body->body;
+        figures[s - g.stage] = (cn_step_figures){.gap = INFINITY};
+        cn_sheath_advance(part->body, &trial->body[part->index], part->drive.advance, dt);
+        memset(part->u, 0, 3 * (size_t)b->nblock * sizeof(double));
+        if (!part->damping.value) continue;
+        cn_matrix_clear(part->matrix, s->rows < b->nblock ? s->nactive : b->nblock);
+        cn_body_add_elastic(b, s->nactive, s->from->x, s->rotation, part->elastic, CN_TANGENT_PROJECTED, 1,
+                            part->scatter, part->pool);
+        memcpy(part->damping.value, part->matrix->value, 9 * (size_t)part->matrix->nblock * sizeof(double));
     }
-    status = model->integrator == CN_INTEGRATOR_MIDPOINT ? step_midpoint(&s, state->time, figures)
-             : model->integrator == CN_INTEGRATOR_TRBDF2 ? step_trbdf2(&s, state->time, figures)
-                                                         : step_euler(&s, state->time, figures);
+    if (work->surfaces) place_walls(work, state->time, state->time + dt);
+    status = model->integrator == CN_INTEGRATOR_MIDPOINT ? step_midpoint(&g, state->time, figures)
+             : model->integrator == CN_INTEGRATOR_TRBDF2 ? step_trbdf2(&g, state->time, dt, figures)
+                                                         : step_euler(&g, state->time, figures);
     if (status != CN_OK) return status;
 
-    drive_figures(&s, figures);
-    EACH_FREE(&s, i)
-    for (int k = 3 * i; k < 3 * i + 3; k++)
-        to->v[k] = (work->u[k] - work->lag[k]) / s.h;
-    cn_body_turn(b, s.nactive, to->x, to->rotation);
-    cn_sheath_release(body, to);
-    cn_drive_progress(body, to, path);
+    EACH_STAGE(&g, s)
+    {
+        cn_body_state *to = &trial->body[s->part->index];
+        drive_figures(s, &figures[s - g.stage]);
+        EACH_FREE(s, i)
+        for (int k = 3 * i; k < 3 * i + 3; k++)
+            to->v[k] = (s->part->u[k] - s->part->lag[k]) / s->h;
+        cn_body_turn(s->part->body->body, s->nactive, to->x, to->rotation);
+        cn_sheath_release(s->part->body, to);
+        cn_drive_progress(s->part->body, to, s->path);
+    }
     const double contact_start = cn_step_seconds();
-    if (body->contact) status = meet_walls(&s, to, dt, figures);
+    if (work->surfaces && model->touches) status = meet_walls(&g, trial, dt, figures);
     work->collision_s += cn_step_seconds() - contact_start;
     figures->collision_s = work->collision_s;
     figures->fem_s = cn_step_seconds() - start - work->collision_s;
-    for (int i = 0; i < 3 * b->nblock; i++)
-        if (!isfinite(to->x[i]) || !isfinite(to->v[i])) return CN_ERR_NOT_FINITE;
+    EACH_STAGE(&g, s)
+    {
+        const cn_body_state *to = &trial->body[s->part->index];
+        for (int i = 0; i < 3 * s->part->body->body->nblock; i++)
+            if (!isfinite(to->x[i]) || !isfinite(to->v[i])) return CN_ERR_NOT_FINITE;
+    }
     return status;
 }
 
@@ -389,21 +426,21 @@ static void turned(const double p[4], const double q[4], double theta[3])
         theta[k] *= sine > 0 ? angle / sine : 2;
 }
 
-/* Positions x (work->trial), velocities (trial_u) and accelerations (dx) of the step's last stage from its
+/* Positions x (part->trial), velocities (trial_u) and accelerations (dx) of the step's last stage from its
  * two ends, and its time. A rod's x is in the chart of the start: rotation vectors since then. */
 static double last_stage(const cn_stage *s, const cn_body_state *to, double time, double dt)
 {
-    cn_work *work = s->work;
-    const int nnode = work->body->body->nnode;
-    const cn_integrator integrator = work->model->integrator;
-    const bool moved = work->model->scene->contact.method == CN_CONTACT_PROJECT; /* nodes, after the solve */
+    cn_part *part = s->part;
+    const int nnode = part->body->body->nnode;
+    const cn_integrator integrator = part->model->integrator;
+    const bool moved = part->model->scene->contact.method == CN_CONTACT_PROJECT; /* nodes, after the solve */
     const double g = trbdf2_gamma, a = 1 / (g * (2 - g)), h = 0.5 * g * dt;
-    memset(work->trial_u, 0, 3 * (size_t)work->body->body->nblock * sizeof(double));
-    memcpy(work->trial, to->x, 3 * (size_t)work->body->body->nblock * sizeof(double));
+    memset(part->trial_u, 0, 3 * (size_t)part->body->body->nblock * sizeof(double));
+    memcpy(part->trial, to->x, 3 * (size_t)part->body->body->nblock * sizeof(double));
     EACH_FREE(s, i)
     {
         const double *v0 = s->from->v + 3 * i, *x0 = s->from->x + 3 * i, *v1 = to->v + 3 * i;
-        double *x = work->trial + 3 * i, *v = work->trial_u + 3 * i, *acceleration = work->dx + 3 * i;
+        double *x = part->trial + 3 * i, *v = part->trial_u + 3 * i, *acceleration = part->dx + 3 * i;
         if (i >= nnode && integrator == CN_INTEGRATOR_TRBDF2)
             turned(s->from->rotation + 4 * (i - nnode), to->rotation + 4 * (i - nnode), x);
         for (int k = 0; k < 3; k++)
@@ -421,61 +458,70 @@ static double last_stage(const cn_stage *s, const cn_body_state *to, double time
     return integrator == CN_INTEGRATOR_MIDPOINT ? time + 0.5 * dt : time + dt;
 }
 
-double cn_step_residual(const cn_model *model, int ibody, const cn_state *state, const cn_state *trial,
-                        const cn_path *path, double dt, cn_work *work)
+/* Of one body: |inertial + damping - elastic - external - drive - contact| over the largest of the norms. */
+static double residual_of(cn_stage *s)
 {
-    const cn_model_body *body = &model->body[ibody];
-    const cn_body_state *from = &state->body[ibody], *to = &trial->body[ibody];
-    const cn_body *b = body->body;
-    const size_t all = 3 * (size_t)b->nblock * sizeof(double);
+    const cn_part *part = s->part;
+    const cn_model *model = part->model;
+    const cn_body *b = part->body->body;
     double sums[4] = {0, 0, 0, 0}; /* squares: residual, inertial, internal, external */
-    cn_stage s;
-
-    set_up(&s, model, ibody, from, from->nfree, to->x, b->nblock > b->nnode ? from->rotation : to->rotation,
-           path, dt, work);
-    external_force(&s, last_stage(&s, to, state->time, dt));
-    memset(work->elastic, 0, all), memset(work->path, 0, all), memset(work->touch, 0, all);
-    memset(work->damped, 0, all);
-    cn_body_add_elastic(b, s.nactive, work->trial, s.rotation, work->elastic, CN_TANGENT_WARPED, 1, NULL,
-                        work->pool);
-    cn_drive_add(&work->drive, s.nfree, work->trial, work->path, 1, NULL);
-    if (s.strict) {
-        s.x = work->trial;
-        if (cn_stage_start(&s, NULL) == CN_OK) cn_stage_touch(&s, s.x);
-        s.x = to->x;
-    }
-    if (work->damping.value) /* of the tangent at the step's start, as in the step */
-        cn_matrix_multiply(&work->damping, s.rows, work->trial_u, work->damped, work->pool);
-    EACH_FREE(&s, i)
+    EACH_FREE(s, i)
     {
         const double over = i < b->nnode ? 1 : 1 / (b->lever * b->lever);
         double inertial[3], pull[3], left[3];
-        if (body->fixed[i]) continue;
-        cn_stage_mass(&s, i, work->dx + 3 * i, inertial), cn_stage_mass(&s, i, work->trial_u + 3 * i, pull);
+        if (part->body->fixed[i]) continue;
+        cn_stage_mass(s, i, part->dx + 3 * i, inertial), cn_stage_mass(s, i, part->trial_u + 3 * i, pull);
         for (int k = 0; k < 3; k++) {
             inertial[k] = (model->inertia ? inertial[k] : 0) + b->damping * pull[k];
-            left[k] = inertial[k] + b->damping_stiffness * work->damped[3 * i + k] -
-                      work->elastic[3 * i + k] - work->external[3 * i + k] - work->path[3 * i + k] -
-                      work->touch[3 * i + k];
+            left[k] = inertial[k] + b->damping_stiffness * part->damped[3 * i + k] -
+                      part->elastic[3 * i + k] - part->external[3 * i + k] - part->path[3 * i + k] -
+                      part->touch[3 * i + k];
         }
         sums[0] += over * cn_norm2(left), sums[1] += over * cn_norm2(inertial);
-        sums[2] += over * cn_norm2(work->elastic + 3 * i), sums[3] += over * cn_norm2(work->external + 3 * i);
+        sums[2] += over * cn_norm2(part->elastic + 3 * i), sums[3] += over * cn_norm2(part->external + 3 * i);
     }
-    const double scale = sqrt(fmax(sums[1], fmax(sums[2], sums[3]))), floor = cn_stage_floor(&s);
+    const double scale = sqrt(fmax(sums[1], fmax(sums[2], sums[3]))), floor = cn_stage_floor(s);
     const double rest = sqrt(sums[0]);
     return rest > floor ? rest / fmax(scale, floor) : 0;
 }
 
-cn_status cn_work_check(const cn_model *model, int ibody, const cn_state *state, cn_work *work,
-                        cn_findings *findings)
+double cn_step_residual(const cn_model *model, const cn_state *state, const cn_state *trial,
+                        const cn_path *const *path, double dt, cn_work *work)
 {
-    const cn_model_body *body = &model->body[ibody];
-    const cn_body_state *at = &state->body[ibody];
-    int naxis;
-    *findings = (cn_findings){.body_triangle = -1, .wall = -1, .wall_triangle = -1};
-    if (!body->contact) return CN_OK;
-    cn_axis_points(body, at, &naxis, work->axis);
-    return cn_contact_check(body->contact, work->contact, cn_body_points_of(body->body, at->nfree),
-                            cn_body_points(body->body, at->nfree, at->x, at->rotation, work->points), naxis,
-                            work->axis, findings, work->pool);
+    double most = 0;
+    cn_group g;
+    group_up(&g, work, state, (cn_state *)trial, path, dt);
+    EACH_STAGE(&g, s)
+    {
+        cn_part *part = s->part;
+        const cn_body *b = part->body->body;
+        const cn_body_state *to = &trial->body[part->index];
+        const size_t all = 3 * (size_t)b->nblock * sizeof(double);
+        if (b->nblock > b->nnode) s->rotation = s->from->rotation;
+        external_force(s, last_stage(s, to, state->time, dt));
+        memset(part->elastic, 0, all), memset(part->path, 0, all), memset(part->touch, 0, all);
+        memset(part->damped, 0, all);
+        cn_body_add_elastic(b, s->nactive, part->trial, s->rotation, part->elastic, CN_TANGENT_WARPED, 1,
+                            NULL, part->pool);
+        cn_drive_add(&part->drive, s->nfree, part->trial, part->path, 1, NULL);
+        if (part->damping.value) /* of the tangent at the step's start, as in the step */
+            cn_matrix_multiply(&part->damping, s->rows, part->trial_u, part->damped, part->pool);
+        s->x = part->trial;
+    }
+    if (g.strict) {
+        if (work->surfaces) place_walls(work, state->time + dt, state->time + dt);
+        if (cn_touch_find(&g) == CN_OK) cn_touch(&g, CN_AT_STATE, false, false);
+    }
+    EACH_STAGE(&g, s)
+    most = fmax(most, residual_of(s));
+    (void)model;
+    return most;
+}
+
+cn_status cn_work_check(const cn_state *state, cn_work *work, cn_findings *findings)
+{
+    *findings = (cn_findings){.surface = {-1, -1}, .triangle = {-1, -1}};
+    if (!work->surfaces) return CN_OK;
+    place_walls(work, state->time, state->time);
+    return check(work, state, findings);
 }

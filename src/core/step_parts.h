@@ -1,19 +1,21 @@
-/* step_parts.h - one stage of a step as a minimum: shared by step.c, which makes stages of an integrator, and
- * step_newton.c, which finds the minimum. */
+/* step_parts.h - one stage of a step as a minimum over all bodies that are solved together: shared by step.c,
+ * which makes stages of an integrator, step_newton.c, which finds the minimum, step_touch.c, which asks
+ * contact, and step_solve.c, which solves for a direction. */
 #ifndef CN_STEP_PARTS_H
 #define CN_STEP_PARTS_H
 
 #include "catnav/vec3.h"
 #include "sim.h"
 
-struct cn_work {
+/* What belongs to one body. */
+typedef struct {
     const cn_model *model;
     const cn_model_body *body;
+    int index; /* of the model's bodies */
     cn_pool *pool;
     cn_matrix *matrix, damping; /* damping shares the pattern; its values only with damping_stiffness */
     cn_scatter *scatter;
     cn_solver *solver;
-    cn_contact *contact;
     cn_carry *carry; /* NULL: the points are the nodes */
     cn_drive drive;
     double *memory;
@@ -24,57 +26,113 @@ struct cn_work {
     double *gradient, *elastic, *external, *path, *touch, *dx;
     double *moved, *damped; /* of damping_stiffness */
     double *axis;
-    double *spin; /* a rod's inertia in world axes at the step's start (nnode x 9) */
-    /* by points (npoint x 3), where they are not the nodes: at x, at the trial, between them, forces */
-    double *points, *points_trial, *motion, *points_force;
-    bool anchored;                      /* a node is held by the scene */
-    unsigned char *held;                /* fixed, or a rod's in the sheath (nblock) */
+    double *cg[4];         /* of conjugate gradients over all bodies */
+    double *spin;          /* a rod's inertia in world axes at the step's start (nnode x 9) */
+    bool anchored;         /* a node is held by the scene */
+    unsigned char *held;   /* fixed, or a rod's in the sheath (nblock) */
     double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
-    double collision_s;
-    double forcing;        /* what an iterative solver may leave of the residual */
-    double added;          /* inertia that last made the exact tangent positive definite, over M/h^2 */
+    bool linked;           /* contact joins it to others, or to itself */
     bool factored;         /* the solver holds a factor of an earlier iteration, made ... */
     int factored_nfree;    /* ... with this many free nodes */
     double factored_h;     /* ... and this step */
     double *factored_turn; /* ... at these element rotations (nturn x 4) */
-};
+} cn_part;
 
-/* What is fixed while one minimum is sought:
+/* What is fixed while one minimum is sought, for one body:
  *     |u - ahead|^2_M / (2 h^2) + |u - lag|^2_C / (2 h) + elastic + drive + contact - (external + constant) .
  * u, u = x - x0, so that the velocity is (u - lag) / h. */
 typedef struct {
-    cn_work *work;
+    cn_part *part;
     const cn_body_state *from; /* x0, v0 */
     double h;
     int nfree, nactive;   /* nodes; nactive: one held station more than nfree */
     int last, again;      /* for EACH_FREE */
     int rows;             /* leading matrix rows that take part */
     double *x, *rotation; /* of the trial */
-    bool strict;
-    bool free_flight; /* nothing holds, drives or can touch it */
+    const cn_path *path;  /* NULL: none */
+    bool free_flight;     /* nothing holds, drives or can touch it */
 } cn_stage;
+
+struct cn_work {
+    const cn_model *model;
+    cn_pool *pool;
+    int first, npart; /* of the model's bodies */
+    cn_part *part;
+    cn_stage *stage; /* (npart) */
+    /* contact of all of them; surface s < npart is part s's. NULL: nothing to touch */
+    cn_contact_model *surfaces;
+    cn_contact *contact;
+    cn_hang *hang;   /* (nsurface) */
+    int *nfree;      /* leading points that take part (nsurface) */
+    double *memory;  /* by points of all surfaces (npoint x 3): */
+    double *points;  /* where they are, ... */
+    double *trial;   /* ... at a trial, ... */
+    double *motion;  /* ... between */
+    double *goal;    /* where walls that move go to */
+    double *force, *mass;
+    double *axis;    /* points of axes to be inside (all nodes x 3) */
+    bool moving;     /* a wall goes along a path, ... */
+    double way_left; /* ... this part of its way in the step is still to go */
+    bool touched;    /* the surfaces of bodies take part in this step */
+    double collision_s;
+    double energy_size; /* of all energies [J] */
+    double added;       /* inertia that last made the exact tangent positive definite, over M/h^2 */
+    double forcing; /* what an iterative solver may leave of the residual */
+};
+
+/* All bodies of a work in one stage. */
+typedef struct {
+    cn_work *work;
+    int n;
+    cn_stage *stage;
+    bool strict;
+} cn_group;
 
 /* Blocks i of free nodes: their positions, then a rod's rotations. */
 #define EACH_FREE(s, i) for (int i = 0; i < (s)->last; i = i + 1 == (s)->nfree ? (s)->again : i + 1)
+#define EACH_STAGE(g, s) for (cn_stage *s = (g)->stage; s < (g)->stage + (g)->n; s++)
 
-/* Takes the stage's start: work->u and s->x as they are, moved by dx (NULL: not) as far as contact lets it.
- */
-cn_status cn_stage_start(const cn_stage *s, const double *dx);
-/* Contact's force at x into work->touch, of the pairs listed. */
-void cn_stage_touch(const cn_stage *s, const double *x);
-cn_status cn_stage_minimise(const cn_stage *s, cn_step_figures *figures);
+/* --- step_newton.c --- */
+/* Takes the stage's start: every u and x as they are, moved by its part's dx (moved false: not) as far as
+ * contact lets them. */
+cn_status cn_stage_start(const cn_group *g, bool moved);
+cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures);
 /* Below this the gradient is round-off of the elastic forces: strain carries the round-off of positions, over
  * the elements' size. */
 double cn_stage_floor(const cn_stage *s);
+
+/* --- step_touch.c --- */
+typedef enum { CN_AT_STATE, CN_AT_TRIAL } cn_where; /* stage->x, or part->trial */
+/* Points of all surfaces into `points` (work's), of the bodies at that place. */
+void cn_touch_points(const cn_group *g, cn_where at, double *points);
+/* Contact's energy, its force into every part->touch; stiff: also the matrices (cleared before) and links. */
+double cn_touch(const cn_group *g, cn_where at, bool stiff, bool exact);
+/* Lists pairs around where things are; for a motion to come. */
+cn_status cn_touch_find(const cn_group *g);
+/* Largest part of *fraction of every part's dx that strict contact allows; pairs are listed anew when the
+ * motion leaves their reach, or at once (`anew`). */
+cn_status cn_touch_allowed(const cn_group *g, bool anew, double *fraction);
+/* Walls that move, at the trial: this part of the way they have left; and when that is taken. */
+void cn_touch_walls(cn_work *work, double fraction);
+void cn_touch_walls_taken(cn_work *work, double fraction);
+
+/* --- step_solve.c --- */
+/* An earlier factor of every body serves: see there. */
+bool cn_stage_keeps(const cn_group *g);
+cn_status cn_stage_factor(const cn_group *g);
+/* dx = - H^-1 g with the factors at hand and contact's links, and its slope g . dx. */
+cn_status cn_stage_solve(const cn_group *g, double *slope, cn_step_figures *figures);
+bool cn_stage_iterative(const cn_group *g); /* some solver is */
+
 /* out = M a of block i, without the factor that `leave_out.inertia` takes. */
 static inline void cn_stage_mass(const cn_stage *s, int i, const double a[3], double out[3])
 {
-    const cn_body *b = s->work->body->body;
+    const cn_body *b = s->part->body->body;
     if (i < b->nnode)
         for (int k = 0; k < 3; k++)
             out[k] = b->mass[i] * a[k];
     else
-        cn_mat_vec(s->work->spin + 9 * (size_t)(i - b->nnode), a, out);
+        cn_mat_vec(s->part->spin + 9 * (size_t)(i - b->nnode), a, out);
 }
 double cn_step_seconds(void);
 

@@ -93,7 +93,7 @@ static cn_status wall_make(cn_wall *wall, const cn_surface_spec *spec, bool vess
     const char *name = spec->name && *spec->name ? spec->name : vessel ? "vessel" : "obstacle";
     if (!(wall->name = malloc(strlen(name) + 1))) return CN_ERR_MEMORY;
     strcpy(wall->name, name);
-    wall->vessel = vessel;
+    wall->vessel = vessel, wall->spec = spec;
     if (vessel && spec->shape.kind == CN_SHAPE_PLANE && !given)
         return cn_fail(error, CN_ERR_SCENE, NULL, 0, "%s: a plane has no inside, make it an obstacle",
                        wall->name);

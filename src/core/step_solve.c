@@ -1,0 +1,248 @@
+/* step_solve.c - a direction from the gradient: each body's own matrix by its own solver; where contact links
+ * bodies, or two places of one, conjugate gradients over those with the solvers as preconditioner. */
+#include "step_parts.h"
+
+#include <math.h>
+#include <string.h>
+
+/* Frozen stiffness: an earlier factor serves while no element has turned by more than about 0.02 rad since
+ * and nothing but the body's own elasticity and inertia is in the matrix. A chain is refactored faster than
+ * it is iterated. */
+static bool factor_serves(const cn_stage *s)
+{
+    const cn_part *part = s->part;
+    const cn_switch refactor = part->model->scene->leave_out.refactor; /* ON: left out */
+    if (refactor == CN_OFF || !part->factored || part->carry || part->factored_nfree != s->nfree ||
+        part->factored_h != s->h)
+        return false;
+    if (part->model->single ? refactor != CN_ON
+                            : refactor == CN_AUTO && cn_solver_kind(part->solver) != CN_LINEAR_CHOLESKY)
+        return false;
+    for (int i = 0; i < s->nfree; i++)
+        if (part->drive.weight[i] > 0) return false;
+    for (int e = 0; e < part->body->body->nturn; e++) {
+        const double *p = part->factored_turn + 4 * e, *q = s->rotation + 4 * e;
+        if (!(fabs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]) > 1 - 5e-5)) return false;
+    }
+    return true;
+}
+
+bool cn_stage_keeps(const cn_group *g)
+{
+    if (g->strict && cn_contact_touches(g->work->contact)) return false;
+    EACH_STAGE(g, s)
+    if (!factor_serves(s)) return false;
+    return true;
+}
+
+cn_status cn_stage_factor(const cn_group *g)
+{
+    EACH_STAGE(g, s)
+    {
+        cn_part *part = s->part;
+        cn_solver_place(part->solver, s->x);
+        const cn_status status =
+            cn_solver_factor(part->solver, part->matrix, s->rows, part->held, part->pool);
+        part->factored = status == CN_OK && cn_solver_kind(part->solver) != CN_LINEAR_CG;
+        part->factored_nfree = s->nfree, part->factored_h = s->h;
+        memcpy(part->factored_turn, s->rotation, 4 * (size_t)part->body->body->nturn * sizeof(double));
+        if (status != CN_OK) return status;
+    }
+    return CN_OK;
+}
+
+static bool iterative(const cn_part *part)
+{
+    const cn_linear kind = cn_solver_kind(part->solver);
+    return kind == CN_LINEAR_CG || kind == CN_LINEAR_PCG;
+}
+
+bool cn_stage_iterative(const cn_group *g)
+{
+    EACH_STAGE(g, s)
+    if (iterative(s->part)) return true;
+    return g->strict && g->work->contact->nlink > 0;
+}
+
+/* One body by its own solver. */
+static cn_status solve_alone(const cn_stage *s, double forcing, cn_step_figures *figures)
+{
+    cn_part *part = s->part;
+    const bool warm = iterative(part) && part->model->single; /* from the last step's motion */
+    const double least = part->model->scene->solver.linear_tolerance;
+    const double tolerance = iterative(part) && !warm ? fmax(least, forcing) : least;
+    int iterations = 0;
+    double residual = 0;
+    for (int i = 0; i < 3 * s->rows; i++)
+        part->trial[i] = part->dx[i] = 0;
+    EACH_FREE(s, i)
+    {
+        cn_axpy(-1, part->gradient + 3 * i, part->trial + 3 * i);
+        if (warm) memcpy(part->dx + 3 * i, part->ahead + 3 * i, 3 * sizeof(double));
+    }
+    const bool checked = cn_solver_kind(part->solver) != CN_LINEAR_CHAIN; /* a chain's is round-off */
+    cn_status status = cn_solver_solve(part->solver, part->trial, part->dx, tolerance, 1000, &iterations,
+                                       checked ? &residual : NULL, part->pool);
+    if (iterations > figures->linear) figures->linear = iterations;
+    if (status == CN_ERR_CONVERGENCE) {
+        CN_LOG(CN_LOG_WARNING, "linear solver not converged: relative residual %.2e after %d iterations",
+               residual, iterations);
+        figures->unconverged++;
+        figures->linear_residual = fmax(figures->linear_residual, residual);
+        status = CN_OK;
+    }
+    return status;
+}
+
+enum { R, Z, P, Q };
+
+/* Notes which bodies contact links to others, or to themselves. */
+static void note_links(const cn_group *g)
+{
+    const cn_work *work = g->work;
+    for (int p = 0; p < work->npart; p++)
+        work->part[p].linked = false;
+    for (int l = 0; g->strict && l < work->contact->nlink; l++)
+        for (int side = 0; side < 2; side++)
+            if (work->contact->link[l].surface[side] < work->npart)
+                work->part[work->contact->link[l].surface[side]].linked = true;
+}
+
+/* Motion of a surface's point when its body's blocks move by v. */
+static void point_motion(const cn_part *part, int point, const double *v, double out[3])
+{
+    const cn_carry *carry = part->carry;
+    if (!carry) {
+        cn_copy3(v + 3 * (size_t)point, out);
+        return;
+    }
+    const int node = carry->node[point];
+    cn_mat_vec(carry->arm + 9 * (size_t)point, v + 3 * (size_t)(carry->turn + node), out);
+    cn_axpy(1, v + 3 * (size_t)node, out);
+}
+
+/* Adds a force on a point to those on its blocks. */
+static void point_force(const cn_part *part, int point, const double force[3], double *f)
+{
+    const cn_carry *carry = part->carry;
+    if (!carry) {
+        cn_axpy(1, force, f + 3 * (size_t)point);
+        return;
+    }
+    const int node = carry->node[point];
+    double moment[3];
+    cn_mat_vec_transposed(carry->arm + 9 * (size_t)point, force, moment);
+    cn_axpy(1, force, f + 3 * (size_t)node);
+    cn_axpy(1, moment, f + 3 * (size_t)(carry->turn + node));
+}
+
+/* q += the links' part of A p. */
+static void add_links(const cn_group *g)
+{
+    const cn_work *work = g->work;
+    for (int l = 0; l < work->contact->nlink; l++) {
+        const cn_link *link = &work->contact->link[l];
+        double along[2] = {0, 0}; /* of either side */
+        for (int i = 0; i < 4; i++) {
+            const int side = i >= link->nside, surface = link->surface[side];
+            double d[3];
+            if (surface >= work->npart) continue;
+            point_motion(&work->part[surface], link->p[i] - work->surfaces->surface[surface].first,
+                         work->part[surface].cg[P], d);
+            along[side] += link->w[i] * cn_dot(link->n, d);
+        }
+        for (int i = 0; i < 4; i++) {
+            const int side = i >= link->nside, surface = link->surface[side];
+            double f[3] = {0, 0, 0};
+            if (surface >= work->npart) continue;
+            cn_axpy(link->k * link->w[i] * (along[1 - side] + (link->own[side] ? 0 : along[side])), link->n,
+                    f);
+            point_force(&work->part[surface], link->p[i] - work->surfaces->surface[surface].first, f,
+                        work->part[surface].cg[Q]);
+        }
+    }
+}
+
+static double dot(const cn_group *g, int a, int b)
+{
+    double sum = 0;
+    EACH_STAGE(g, s)
+    {
+        if (!s->part->linked) continue;
+        double own = 0;
+        EACH_FREE(s, i)
+        if (!s->part->held[i]) own += cn_dot(s->part->cg[a] + 3 * i, s->part->cg[b] + 3 * i);
+        sum += own;
+    }
+    return sum;
+}
+
+/* All linked bodies at once. */
+static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
+{
+    cn_work *work = g->work;
+    const double tolerance = fmax(work->model->scene->solver.linear_tolerance, work->forcing);
+    cn_status status = CN_OK;
+    double rz = 0;
+    EACH_STAGE(g, s)
+    {
+        memset(s->part->dx, 0, 3 * (size_t)s->rows * sizeof(double));
+        for (int k = 0; k < 4; k++)
+            memset(s->part->cg[k], 0, 3 * (size_t)s->part->body->body->nblock * sizeof(double));
+        EACH_FREE(s, i)
+        if (!s->part->held[i]) cn_axpy(-1, s->part->gradient + 3 * i, s->part->cg[R] + 3 * i);
+    }
+    const double bb = dot(g, R, R);
+    double rr = bb;
+    int done = 0;
+    for (; rr > tolerance * tolerance * bb && done < 1000; done++) {
+        EACH_STAGE(g, s)
+        if (s->part->linked &&
+            (status = cn_solver_apply(s->part->solver, s->part->cg[R], s->part->cg[Z], work->pool)) != CN_OK)
+            return status;
+        const double next = dot(g, R, Z), beta = rz > 0 ? next / rz : 0;
+        rz = next;
+        EACH_STAGE(g, s)
+        if (s->part->linked) {
+            cn_part *part = s->part;
+            for (int i = 0; i < 3 * s->rows; i++)
+                part->cg[P][i] = part->cg[Z][i] + beta * part->cg[P][i];
+            cn_matrix_multiply(part->matrix, s->rows, part->cg[P], part->cg[Q], work->pool);
+        }
+        add_links(g);
+        const double pq = dot(g, P, Q);
+        if (!(pq > 0)) return isnan(pq) ? CN_ERR_NOT_FINITE : CN_ERR_SINGULAR;
+        EACH_STAGE(g, s)
+        if (s->part->linked) EACH_FREE(s, i) {
+                if (s->part->held[i]) continue;
+                cn_axpy(rz / pq, s->part->cg[P] + 3 * i, s->part->dx + 3 * i);
+                cn_axpy(-rz / pq, s->part->cg[Q] + 3 * i, s->part->cg[R] + 3 * i);
+            }
+        rr = dot(g, R, R);
+    }
+    figures->linear = done > figures->linear ? done : figures->linear;
+    if (rr > tolerance * tolerance * bb) {
+        const double residual = sqrt(rr / bb);
+        CN_LOG(CN_LOG_WARNING, "bodies in contact: relative residual %.2e after %d iterations", residual,
+               done);
+        figures->unconverged++, figures->linear_residual = fmax(figures->linear_residual, residual);
+    }
+    return CN_OK;
+}
+
+cn_status cn_stage_solve(const cn_group *g, double *slope, cn_step_figures *figures)
+{
+    cn_status status = CN_OK;
+    const bool links = g->strict && g->work->contact->nlink > 0;
+    note_links(g);
+    if (links && (status = solve_linked(g, figures)) != CN_OK) return status;
+    *slope = 0;
+    EACH_STAGE(g, s)
+    {
+        if (!s->part->linked && (status = solve_alone(s, g->work->forcing, figures)) != CN_OK)
+            return status;
+        EACH_FREE(s, i)
+        *slope += cn_dot(s->part->gradient + 3 * i, s->part->dx + 3 * i);
+    }
+    return isfinite(*slope) ? CN_OK : CN_ERR_NOT_FINITE;
+}
