@@ -1,9 +1,11 @@
-/* contact.h - strict unilateral contact between a body's surface and rigid walls: barrier forces that keep
- * the gap positive, a continuous test along each motion that disposes of what the solver proposes, and a
- * check of the accepted state that shares neither with them.
+/* contact.h - strict unilateral contact between surfaces: of bodies that deform, and of rigid walls. Barrier
+ * forces keep the gap positive, a continuous test along each motion disposes of what the solver proposes, and
+ * a check of the accepted state shares nothing with them.
  *
- * Barrier: -kappa (d - gap)^2 ln(d / gap) for distances d < gap between node and triangle, triangle and wall
- * vertex, edge and edge; near-parallel edges mollified (Li et al., Incremental Potential Contact, 2020). */
+ * Barrier: -kappa (d - gap)^2 ln(d / gap) for distances d < gap between vertex and triangle, edge and edge;
+ * near-parallel edges mollified (Li et al., Incremental Potential Contact, 2020).
+ *
+ * Points: those of all surfaces in a row, surface s from surface[s].first on; x, dx and f are over them. */
 #ifndef CN_CONTACT_H
 #define CN_CONTACT_H
 
@@ -30,59 +32,85 @@ typedef struct {
 cn_status cn_collider_new(cn_collider **out, int ntri, const int *tri, int nnode, const double *vert);
 void cn_collider_free(cn_collider *collider);
 
-typedef enum { CN_PAIR_NODE_TRIANGLE, CN_PAIR_TRIANGLE_VERTEX, CN_PAIR_EDGES } cn_pair_kind;
+/* One surface, fixed in a run. */
 typedef struct {
-    cn_pair_kind kind;
-    int wall, triangle; /* of the wall: nodes against triangles only */
-    int a[3];           /* body nodes: 1, 3, 2 of them by kind */
-    int b[3];           /* wall vertices: 3, 1, 2 by kind */
-    double found;       /* distance at `from` [m] */
-    double mollify;     /* edges: threshold on |ea x eb|^2 [m^4] */
-} cn_pair;
+    const cn_body *body; /* NULL: rigid */
+    int wall;            /* of the world; -1: of a body that is no wall */
+    bool moving;         /* a rigid wall that goes along a path */
+    bool self;           /* is tested against itself */
+    int first, npoint;
+    int ntri, *tri; /* over its own points, neighbours near each other (ntri x 3), owned */
+    cn_collider *collider;
+    int ninner, *inner; /* points inside the body: they too must not pass a surface, however it is squeezed */
+    double *plane;      /* of a rigid wall that rests: unit normal and offset of each triangle (ntri x 4) */
+    double *rest;       /* positions at the start of all things [m] (npoint x 3), not owned */
+    double gap;         /* distance at which its barrier begins [m]; INFINITY: the other's counts */
+    double kappa;       /* barrier stiffness [N/m]; INFINITY: the other's counts */
+} cn_contact_surface;
 
-/* What contact needs to know of one body and all walls; fixed in a run. */
+/* What contact needs to know of bodies that are solved together, and all walls; fixed in a run. */
+typedef struct {
+    const cn_world *world;
+    int nsurface;
+    cn_contact_surface *surface;
+    int npoint;
+    double gap; /* the largest finite one [m] */
+} cn_contact_model;
+/* Of a body that deforms; wall >= 0: it stands for that wall of the world, which is no rigid surface then. */
 typedef struct {
     const cn_body *body;
-    const cn_world *world;
-    int *tri;              /* of the body's surface, neighbours near each other (ntri x 3) */
-    cn_collider *collider; /* over them */
-    int ninner, *inner;    /* nodes inside the body: they too must not pass a wall, however it is squeezed */
-    cn_collider **wall_collider; /* per wall */
-    double **wall_plane;         /* per wall: unit normal and offset of each triangle (ntri x 4) */
-    double gap;                  /* distance at which the barrier begins [m] */
-    double kappa;                /* barrier stiffness [N/m] */
-} cn_contact_model;
-cn_status cn_contact_model_new(cn_contact_model **out, const cn_body *body, const cn_world *world, double gap,
-                               double kappa);
+    int wall;
+    bool self;
+    double gap, kappa;
+} cn_contact_body;
+/* Surfaces: the bodies in their order, then the world's rigid walls. moving (nwall, NULL: none): walls that
+ * go along a path. CN_ERR_ARG: two that may meet have no finite gap or stiffness between them; a wall that is
+ * not there, stood for twice, or stood for and moving. */
+cn_status cn_contact_model_new(cn_contact_model **out, const cn_world *world, int nbody,
+                               const cn_contact_body *body, const unsigned char *moving);
 void cn_contact_model_free(cn_contact_model *model);
+
+typedef enum { CN_PAIR_NODE_TRIANGLE, CN_PAIR_EDGES } cn_pair_kind;
+/* Two primitives of surface[0] and surface[1]: a node against a triangle, an edge against an edge. */
+typedef struct {
+    cn_pair_kind kind;
+    int surface[2];
+    int triangle;      /* node against triangle: of surface[1] */
+    int p[4];          /* points: 1 + 3, or 2 + 2 */
+    double found;      /* distance at `from` [m] */
+    double mollify;    /* edges: threshold on |ea x eb|^2 [m^4] */
+    double gap, kappa; /* the lesser of the two surfaces'; of a surface with itself gap is at most half the
+                          distance at rest */
+} cn_pair;
 
 /* Seen by tests that share nothing with the response: exact crossings of triangle pairs, and nodes or axis
  * points outside the free space with their depth. */
 typedef struct {
-    int intersections;                      /* crossing triangle pairs */
-    int outside;                            /* nodes and axis points outside */
-    double depth;                           /* deepest outside point [m], 0: none */
-    int body_triangle, wall, wall_triangle; /* first crossing pair, -1 */
-    double where[3];                        /* of the first finding */
+    int intersections;           /* crossing triangle pairs */
+    int outside;                 /* nodes and axis points outside */
+    double depth;                /* deepest outside point [m], 0: none */
+    int surface[2], triangle[2]; /* first crossing pair, -1 */
+    double where[3];             /* of the first finding */
 } cn_findings;
 
-/* Some hundred triangles that lie together. */
+/* Some hundred triangles that lie together, of a surface that moves. */
 typedef struct {
-    int first, ntri; /* of the model's triangles */
-    int lowest;      /* node index: a part is left out while this node is in the sheath */
-    cn_tree *tree;
+    int surface;
+    int first, ntri; /* of the surface's triangles */
+    int lowest;      /* its own point index: the part is left out while this point is in the sheath */
+    cn_tree *tree;   /* over the surface's points */
     int npair, capacity;
     cn_pair *pair;
 } cn_contact_part;
 
-/* Scratch and result of the contact search of one body. Lists have a fixed capacity: a full list is
- * CN_ERR_CONTACT, after which cn_contact_grow makes room between steps. */
+/* Scratch and result of the search. Lists have a fixed capacity: a full list is CN_ERR_CONTACT, after which
+ * cn_contact_grow makes room between steps. */
 typedef struct cn_contact {
     int npair, capacity;
     cn_pair *pair;
     double *distance; /* last evaluated (npair) */
     double *limit;    /* of a motion, per chunk of pairs */
-    int npart;        /* parts of the body's surface, each with a tree of its own: searched side by side */
+    int npart;        /* searched side by side */
     cn_contact_part *part;
     cn_findings *found; /* per part */
     double *from;       /* positions at which `found` was measured (npoint x 3) */
@@ -90,47 +118,77 @@ typedef struct cn_contact {
     bool anchored;      /* the list holds within reach of `from` */
     double reach;       /* [m] */
     double gap_listed;  /* pairs that can come nearer than this are listed [m] */
-    int *patch;         /* union-find over wall vertices */
-    int *patch_of;      /* first wall vertex of each wall (nwall + 1) */
+    int *patch;         /* union-find over points */
     double *patch_force;
+    struct cn_link *link; /* of the last cn_contact_add with stiffness (capacity) */
+    int nlink;
+    struct cn_contact_space *space; /* where the free space is while walls bend and move (contact_space.c) */
 } cn_contact;
 cn_status cn_contact_new(cn_contact **out, const cn_contact_model *model);
 void cn_contact_free(cn_contact *contact);
 cn_status cn_contact_grow(cn_contact *contact);
 
-/* Here the body's nodes are its points (body.h), and x, dx, f are theirs.
- *
- * Lists every pair that can come nearer than max(gap, listed) while the nodes are within reach of the motion
- * from x to x + dx (NULL: they stay at x). Nodes [0, nfree) take part. */
-cn_status cn_contact_find(const cn_contact_model *model, cn_contact *contact, int nfree, const double *x,
-                          const double *dx, double reach, double listed, cn_pool *pool);
-/* Once the motion has been taken to x: from here on the list holds while no node is farther than reach from
+/* Lists every pair that can come nearer than max(gap, listed) while the points are within reach of the motion
+ * from x to x + dx (NULL: they stay at x). nfree (nsurface): leading points of each surface that take part.
+ */
+cn_status cn_contact_find(const cn_contact_model *model, cn_contact *contact, const int *nfree,
+                          const double *x, const double *dx, double reach, double listed, cn_pool *pool);
+/* Once the motion has been taken to x: from here on the list holds while no point is farther than reach from
  * x. */
 void cn_contact_anchor(const cn_contact_model *model, cn_contact *contact, const double *x, cn_pool *pool);
-/* Barrier energy [J] at x; adds the force on the nodes to f (may be NULL) and its stiffness to A (may be
- * NULL): the whole second derivative when exact (mollifier aside), else its positive Gauss-Newton part. Where
- * the points hang on blocks (carry not NULL) A is over those; what comes of the arms' turning is
- * cn_body_pull's. INFINITY when a distance is not positive. */
+
+/* Where the stiffness of a surface's points goes: point p of the surface is block p, or hangs on the blocks
+ * that carry tells (body.h). matrix NULL: it does not give way. */
+typedef struct {
+    cn_matrix *matrix;
+    const cn_carry *carry;
+    bool linked; /* the pattern does not join what a triangle's points hang on: all stiffness goes by links */
+} cn_hang;
+/* Stiffness that joins two matrices, or two places of one that its pattern does not join: k j j' with
+ * j = (w_i n) over the points. */
+typedef struct cn_link {
+    int surface[2];
+    int nside;   /* points of the first side: 1 or 2 of the 4 */
+    bool own[2]; /* the part within this side is in its matrix already */
+    int p[4];    /* points */
+    double w[4]; /* sum 0 */
+    double n[3]; /* unit */
+    double k;    /* >= 0 [N/m] */
+} cn_link;
+/* Barrier energy [J] at x; adds the force on the points to f (may be NULL) and its stiffness to the matrices
+ * of hang (nsurface; NULL: none). Pairs with something that does not give way: the whole second derivative
+ * when exact (mollifier aside), else its positive Gauss-Newton part. Pairs of which both sides give way: the
+ * Gauss-Newton part, each side's own blocks into its matrix (not of a linked one), the rest as a link. What
+ * comes of arms' turning is cn_body_pull's. INFINITY when a distance is not positive. */
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
-                      const cn_carry *carry, cn_matrix *a, bool exact, cn_pool *pool);
+                      const cn_hang *hang, bool exact, cn_pool *pool);
 /* Largest fraction in [0, 1] of the motion dx from x that keeps every pair at least `keep` of its distance
  * apart all along: conservative. The motion must stay within the reach. */
 double cn_contact_motion(const cn_contact_model *model, cn_contact *contact, const double *x,
                          const double *dx, double keep, cn_pool *pool);
-/* Least distance of the listed pairs as last evaluated [m], INFINITY without pairs. */
-double cn_contact_least(const cn_contact *contact);
-/* Resultant normal force on the most loaded connected patch of wall [N], where it acts, and its wall. */
-double cn_contact_patch_force(const cn_contact_model *model, cn_contact *contact, const double *x,
-                              double where[3], int *wall);
+/* Least distance of the listed pairs as last evaluated [m], INFINITY without pairs. surface >= 0: of its
+ * pairs alone. */
+double cn_contact_least(const cn_contact *contact, int surface);
+/* True where a listed pair is nearer than its gap. */
+bool cn_contact_touches(const cn_contact *contact);
+/* Resultant of the barrier on the most loaded connected patch that touches this surface [N], where it acts,
+ * and the other surface. */
+double cn_contact_patch_force(const cn_contact_model *model, cn_contact *contact, int surface,
+                              const double *x, double where[3], int *other);
 
-/* axis (naxis x 3): further points to be inside. Uses and refits the contact's tree. */
-cn_status cn_contact_check(const cn_contact_model *model, cn_contact *contact, int nfree, const double *x,
-                           int naxis, const double *axis, cn_findings *findings, cn_pool *pool);
+/* axis (naxis x 3): further points to be inside the free space. nfree as above; x (npoint x 3). Counts
+ * crossings of all surfaces that move with each other, with walls and with themselves; points of bodies and
+ * the axis outside the free space. Uses and refits the contact's trees. */
+cn_status cn_contact_check(const cn_contact_model *model, cn_contact *contact, const int *nfree,
+                           const double *x, int naxis, const double *axis, cn_findings *findings,
+                           cn_pool *pool);
 
 /* The first paper's response (Moss et al. 2008, 4.4): vertices of crossing triangle pairs are moved apart
  * until they no longer cross, at most `passes` times; velocities lose (inelastic) or reverse times
- * `restitution` (elastic) their normal part. Returns the crossing pairs left. */
-int cn_contact_project(const cn_contact_model *model, cn_contact *contact, int nfree, double *x, double *v,
-                       cn_response response, double restitution, int passes);
+ * `restitution` (elastic) their normal part. mass (npoint) [kg]: INFINITY: the point does not give way.
+ * Returns the crossing pairs left. */
+int cn_contact_project(const cn_contact_model *model, cn_contact *contact, const int *nfree,
+                       const double *mass, double *x, double *v, cn_response response, double restitution,
+                       int passes);
 
 #endif
