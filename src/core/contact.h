@@ -64,7 +64,8 @@ typedef struct {
     double gap, kappa;
 } cn_contact_body;
 /* Surfaces: the bodies in their order, then the world's rigid walls. moving (nwall, NULL: none): walls that
- * go along a path. */
+ * go along a path. CN_ERR_ARG: two that may meet have no finite gap or stiffness between them; a wall that is
+ * not there, stood for twice, or stood for and moving. */
 cn_status cn_contact_model_new(cn_contact_model **out, const cn_world *world, int nbody,
                                const cn_contact_body *body, const unsigned char *moving);
 void cn_contact_model_free(cn_contact_model *model);
@@ -121,6 +122,7 @@ typedef struct cn_contact {
     double *patch_force;
     struct cn_link *link; /* of the last cn_contact_add with stiffness (capacity) */
     int nlink;
+    struct cn_contact_space *space; /* where the free space is while walls bend and move (contact_space.c) */
 } cn_contact;
 cn_status cn_contact_new(cn_contact **out, const cn_contact_model *model);
 void cn_contact_free(cn_contact *contact);

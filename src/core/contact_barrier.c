@@ -1,113 +1,95 @@
-/* contact_barrier.c - barrier energy, force and stiffness of the listed pairs, and the motion they allow. */
-#include "contact.h"
+/* contact_barrier.c - barrier energy, force and stiffness of the listed pairs.
+ *
+ * The four points of a pair count with weights w of sum 0: r = sum w_i x_i points from the second side to the
+ * first, and d = |r|. */
+#include "contact_parts.h"
 
 #include <math.h>
 #include <stddef.h>
-#include <string.h>
-#include "catnav/vec3.h"
 #include "geometry.h"
 
-enum { CHUNK = 64 }; /* pairs a task; fixed, so that results do not depend on the threads */
-
-/* Where two primitives are nearest: weights of the body's nodes, unit direction from wall to body. */
+/* Where two primitives are nearest. */
 typedef struct {
-    int n;               /* body nodes */
-    double weight[3];    /* of them, sum 1 */
-    double direction[3]; /* d distance / d node = weight * direction */
-    double wall[3];      /* nearest point of the wall */
-    double distance;
-    double bary[3]; /* of the wall's nearest point, nodes against triangles only */
-    /* where the nearest points are free to slide: how body minus wall point changes, and the body's weights
-     * with it */
+    double distance, direction[3]; /* r / d; d distance / d point i = weight[i] * direction */
+    double weight[4];
+    double bary[3];  /* of the triangle's nearest point, nodes against triangles only */
+    double where[3]; /* nearest point of the second side */
+    /* where the nearest points are free to slide: how r changes, and the weights with it */
     int nslide;
-    double slide[2][3], shift[2][3];
+    double slide[2][3], shift[2][4];
 } nearest;
 
-/* Notes the free parameters of a nearest point within a triangle: none at a corner, one on an edge, two
- * inside. */
-static void slide_in_triangle(nearest *out, const double bary[3], const double *const corner[3], double sign)
+/* Notes a free parameter that takes weight from point i to point j. */
+static void slides(nearest *out, const double q[4][3], int i, int j, double sign)
 {
-    int in[3], n = 0;
+    double *shift = out->shift[out->nslide], *slide = out->slide[out->nslide++];
+    shift[0] = shift[1] = shift[2] = shift[3] = 0;
+    shift[i] = -sign, shift[j] = sign;
     for (int k = 0; k < 3; k++)
-        if (bary[k] > 0) in[n++] = k;
-    for (int j = 1; j < n; j++) {
-        double *g = out->slide[out->nslide], *w = out->shift[out->nslide++];
-        cn_sub(corner[in[j]], corner[in[0]], g);
-        for (int k = 0; k < 3; k++)
-            g[k] *= sign, w[k] = 0;
-        if (sign > 0) w[in[j]] = 1, w[in[0]] = -1;
-    }
+        slide[k] = sign * (q[j][k] - q[i][k]);
 }
 
-static void slide_on_edge(nearest *out, double s, const double *from, const double *to, double sign)
+/* Parameters within a triangle: none at a corner, one on an edge, two inside. */
+static void nearest_of(const cn_pair *pair, const double *x, nearest *out)
 {
-    if (!(s > 0 && s < 1)) return;
-    double *g = out->slide[out->nslide], *w = out->shift[out->nslide++];
-    cn_sub(to, from, g);
-    for (int k = 0; k < 3; k++)
-        g[k] *= sign, w[k] = 0;
-    if (sign > 0) w[0] = -1, w[1] = 1;
-}
-
-static void nearest_of(const cn_pair *pair, const double *x, const double *y, nearest *out)
-{
-    const int *a = pair->a, *b = pair->b;
-    double body[3] = {0, 0, 0}, *bary = out->bary, s, t;
-
+    double q[4][3], r[3] = {0, 0, 0}, *w = out->weight, s, t;
+    const int second = cn_pair_nside(pair);
+    for (int i = 0; i < 4; i++)
+        cn_copy3(x + 3 * (size_t)pair->p[i], q[i]);
+    const double(*const points)[3] = (const double(*)[3])q;
     out->nslide = 0;
     if (pair->kind == CN_PAIR_NODE_TRIANGLE) {
-        const double *const corner[3] = {y + 3 * b[0], y + 3 * b[1], y + 3 * b[2]};
-        out->n = 1, out->weight[0] = 1;
-        cn_copy3(x + 3 * a[0], body);
-        out->distance = cn_point_triangle(body, corner[0], corner[1], corner[2], bary);
-        for (int k = 0; k < 3; k++)
-            out->wall[k] = bary[0] * corner[0][k] + bary[1] * corner[1][k] + bary[2] * corner[2][k];
-        slide_in_triangle(out, bary, corner, -1);
-    } else if (pair->kind == CN_PAIR_TRIANGLE_VERTEX) {
-        const double *const corner[3] = {x + 3 * a[0], x + 3 * a[1], x + 3 * a[2]};
-        out->n = 3;
-        out->distance = cn_point_triangle(y + 3 * b[0], corner[0], corner[1], corner[2], out->weight);
-        for (int k = 0; k < 3; k++)
-            cn_axpy(out->weight[k], corner[k], body);
-        cn_copy3(y + 3 * b[0], out->wall);
-        slide_in_triangle(out, out->weight, corner, 1);
-    } else {
-        const double *a0 = x + 3 * a[0], *a1 = x + 3 * a[1], *b0 = y + 3 * b[0], *b1 = y + 3 * b[1];
-        out->n = 2;
-        out->distance = cn_edge_edge(a0, a1, b0, b1, &s, &t);
-        out->weight[0] = 1 - s, out->weight[1] = s;
+        int in[3], n = 0;
+        out->distance = cn_point_triangle(q[0], q[1], q[2], q[3], out->bary);
+        w[0] = 1;
         for (int k = 0; k < 3; k++) {
-            body[k] = (1 - s) * a0[k] + s * a1[k];
-            out->wall[k] = (1 - t) * b0[k] + t * b1[k];
+            w[1 + k] = -out->bary[k];
+            if (out->bary[k] > 0) in[n++] = 1 + k;
         }
-        slide_on_edge(out, s, a0, a1, 1);
-        slide_on_edge(out, t, b0, b1, -1);
+        for (int j = 1; j < n; j++)
+            slides(out, points, in[0], in[j], -1);
+    } else {
+        out->distance = cn_edge_edge(q[0], q[1], q[2], q[3], &s, &t);
+        w[0] = 1 - s, w[1] = s, w[2] = -(1 - t), w[3] = -t;
+        if (s > 0 && s < 1) slides(out, points, 0, 1, 1);
+        if (t > 0 && t < 1) slides(out, points, 2, 3, -1);
     }
-    cn_sub(body, out->wall, out->direction);
+    out->where[0] = out->where[1] = out->where[2] = 0;
+    for (int i = second; i < 4; i++)
+        cn_axpy(-w[i], q[i], out->where);
+    for (int i = 0; i < second; i++)
+        cn_axpy(w[i], q[i], r);
+    cn_sub(r, out->where, out->direction);
     cn_normalise(out->direction);
 }
 
-/* True where the neighbours across a flat edge or corner answer for this pair: the node lies over one of
- * them, or right above the edge and another triangle counts for it. So a flat wall pushes along its normal
- * however it is cut into triangles. */
+/* True where the neighbours across a flat edge or corner of a wall answer for this pair: the node lies over
+ * one of them, or right above the edge and another triangle counts for it. So a flat wall pushes along its
+ * normal however it is cut into triangles. */
 static bool passed_over(const cn_contact_model *model, const cn_pair *pair, const double *x,
                         const nearest *at)
 {
     if (pair->kind != CN_PAIR_NODE_TRIANGLE) return false;
-    const cn_collider *wall = model->wall_collider[pair->wall];
+    const cn_collider *wall = model->surface[pair->surface[1]].collider;
     int zero = 0, bit = 0;
+    if (!wall->flat) return false;
     for (int k = 0; k < 3; k++)
         if (!(at->bary[k] > 0)) zero++, bit = 8 << (k + 1) % 3;
     if (zero == 2)
         for (int k = 0; k < 3; k++)
             if (at->bary[k] > 0) bit = 1 << k;
     if (zero == 0 || !(wall->flat[pair->triangle] & bit)) return false;
-    const double *plane = model->wall_plane[pair->wall] + 4 * pair->triangle;
-    const double height = fabs(cn_dot(plane, x + 3 * pair->a[0]) - plane[3]);
+    double e1[3], e2[3], from[3], normal[3];
+    const double *corner = x + 3 * (size_t)pair->p[1];
+    cn_sub(x + 3 * (size_t)pair->p[2], corner, e1), cn_sub(x + 3 * (size_t)pair->p[3], corner, e2);
+    cn_cross(e1, e2, normal);
+    cn_normalise(normal);
+    cn_sub(x + 3 * (size_t)pair->p[0], corner, from);
+    const double height = fabs(cn_dot(normal, from));
     return at->distance > height * (1 + 1e-9) || !(wall->above[pair->triangle] & bit);
 }
 
-/* Second derivative of d^2/2 by nodes k and l: the nearest points slide so that it stays least, hence
+/* Second derivative of d^2/2 by points k and l: the nearest points slide so that it stays least, hence
  * D_xx - D_xt D_tt^-1 D_tx over the sliding parameters t. */
 static void half_square_hessian(const nearest *at, int k, int l, double h[9])
 {
@@ -133,21 +115,23 @@ static void half_square_hessian(const nearest *at, int k, int l, double h[9])
                         (at->weight[l] * at->slide[q][c] + at->shift[q][l] * at->distance * at->direction[c]);
 }
 
-/* m(c) of near-parallel edges, c = |ea x eb|^2; its derivative by ea in dm. */
-static double mollifier(const cn_pair *pair, const double *x, const double *y, double dm[3])
+/* m(c) of near-parallel edges, c = |ea x eb|^2; its derivative by ea and eb in dm. */
+static double mollifier(const cn_pair *pair, const double *x, double dm[2][3])
 {
-    double ea[3], eb[3], n[3];
-    dm[0] = dm[1] = dm[2] = 0;
+    double e[2][3], n[3];
+    for (int k = 0; k < 6; k++)
+        dm[k / 3][k % 3] = 0;
     if (pair->kind != CN_PAIR_EDGES) return 1;
-    cn_sub(x + 3 * pair->a[1], x + 3 * pair->a[0], ea);
-    cn_sub(y + 3 * pair->b[1], y + 3 * pair->b[0], eb);
-    cn_cross(ea, eb, n);
-    const double c = cn_norm2(n), e = pair->mollify;
-    if (c >= e) return 1;
-    const double slope = 2 / e * (1 - c / e), bb = cn_norm2(eb), ab = cn_dot(ea, eb);
-    for (int k = 0; k < 3; k++)
-        dm[k] = slope * 2 * (bb * ea[k] - ab * eb[k]);
-    return c / e * (2 - c / e);
+    for (int i = 0; i < 2; i++)
+        cn_sub(x + 3 * (size_t)pair->p[2 * i + 1], x + 3 * (size_t)pair->p[2 * i], e[i]);
+    cn_cross(e[0], e[1], n);
+    const double c = cn_norm2(n), most = pair->mollify;
+    if (c >= most) return 1;
+    const double slope = 2 / most * (1 - c / most), both = cn_dot(e[0], e[1]);
+    for (int i = 0; i < 2; i++)
+        for (int k = 0; k < 3; k++)
+            dm[i][k] = slope * 2 * (cn_norm2(e[1 - i]) * e[i][k] - both * e[1 - i][k]);
+    return c / most * (2 - c / most);
 }
 
 /* b, b', b'' of -(d - g)^2 ln(d / g). */
@@ -159,48 +143,6 @@ static void barrier(double d, double g, double *b, double *b1, double *b2)
     *b2 = -2 * l - 4 * h / d + h * h / (d * d);
 }
 
-static double moved(const cn_contact *contact, const cn_pair *pair, const double *x)
-{
-    const int n = pair->kind == CN_PAIR_NODE_TRIANGLE ? 1 : pair->kind == CN_PAIR_EDGES ? 2 : 3;
-    double most = 0;
-    for (int k = 0; k < n; k++) {
-        const double d = cn_distance(x + 3 * pair->a[k], contact->from + 3 * pair->a[k]);
-        most = d > most ? d : most;
-    }
-    return most;
-}
-
-typedef struct {
-    const cn_contact_model *model;
-    cn_contact *contact;
-    const double *x, *dx;
-    double keep;
-    bool all; /* measure every pair, however far */
-} pass;
-
-static void measure_chunk(void *user, int chunk)
-{
-    const pass *p = user;
-    cn_contact *contact = p->contact;
-    const int end = chunk * CHUNK + CHUNK < contact->npair ? chunk * CHUNK + CHUNK : contact->npair;
-    for (int i = chunk * CHUNK; i < end; i++) {
-        const cn_pair *pair = &contact->pair[i];
-        const double lower = pair->found - moved(contact, pair, p->x);
-        if (!p->all && lower > contact->gap_listed) {
-            contact->distance[i] = lower;
-            continue;
-        }
-        nearest at;
-        nearest_of(pair, p->x, p->model->world->wall[pair->wall].surface->vert, &at);
-        contact->distance[i] = at.distance;
-    }
-}
-
-static int chunks(const cn_contact *contact)
-{
-    return (contact->npair + CHUNK - 1) / CHUNK;
-}
-
 static void add_block(cn_matrix *a, int i, int j, const double h[9])
 {
     double *block = a->value + 9 * (size_t)cn_matrix_find(a, i, j);
@@ -208,11 +150,13 @@ static void add_block(cn_matrix *a, int i, int j, const double h[9])
         block[k] += h[k];
 }
 
-/* Adds the stiffness h between points i and j: J' h J by the blocks they hang on, J = (I, arm). */
-static void add_stiffness(cn_matrix *a, const cn_carry *carry, int i, int j, const double h[9])
+/* Adds the stiffness h between a surface's points i and j: J' h J by the blocks they hang on, J = (I, arm).
+ */
+static void add_stiffness(const cn_hang *hang, int i, int j, const double h[9])
 {
+    const cn_carry *carry = hang->carry;
     if (!carry) {
-        add_block(a, i, j, h);
+        add_block(hang->matrix, i, j, h);
         return;
     }
     const double *arm_i = carry->arm + 9 * (size_t)i, *arm_j = carry->arm + 9 * (size_t)j;
@@ -223,111 +167,75 @@ static void add_stiffness(cn_matrix *a, const cn_carry *carry, int i, int j, con
     cn_mat_mul(h, arm_j, right);
     cn_mat_mul(turned, h, left);
     cn_mat_mul(turned, right, both);
-    add_block(a, p, q, h);
-    add_block(a, p, turn + q, right);
-    add_block(a, turn + p, q, left);
-    add_block(a, turn + p, turn + q, both);
+    add_block(hang->matrix, p, q, h);
+    add_block(hang->matrix, p, turn + q, right);
+    add_block(hang->matrix, turn + p, q, left);
+    add_block(hang->matrix, turn + p, turn + q, both);
+}
+
+/* Stiffness of a pair: bend (1 - n n')-like part only where `exact` and one side alone gives way. */
+static void add_pair_stiffness(const cn_contact_model *model, cn_contact *contact, const cn_pair *pair,
+                               const nearest *at, double stretch, double bend, const cn_hang *hang)
+{
+    const int n = cn_pair_nside(pair);
+    bool gives[2], own[2];
+    for (int k = 0; k < 2; k++) {
+        gives[k] = hang[pair->surface[k]].matrix;
+        own[k] = gives[k] && !hang[pair->surface[k]].linked;
+    }
+    const bool whole = gives[0] != gives[1] && (own[0] || own[1]);
+    for (int k = 0; k < 4; k++)
+        for (int l = k < n ? 0 : n; l < (k < n ? n : 4) && own[k >= n]; l++) {
+            const int first = model->surface[pair->surface[k >= n]].first;
+            const double rest = whole ? bend : 0, s = (stretch - rest) * at->weight[k] * at->weight[l];
+            double h[9];
+            if (rest != 0) half_square_hessian(at, k, l, h);
+            for (int r = 0; r < 9; r++)
+                h[r] = s * at->direction[r / 3] * at->direction[r % 3] + (rest != 0 ? rest * h[r] : 0);
+            add_stiffness(&hang[pair->surface[k >= n]], pair->p[k] - first, pair->p[l] - first, h);
+        }
+    if (whole || (!gives[0] && !gives[1])) return;
+    cn_link *link = &contact->link[contact->nlink++];
+    link->nside = n, link->k = stretch;
+    cn_copy3(at->direction, link->n);
+    for (int k = 0; k < 2; k++)
+        link->surface[k] = pair->surface[k], link->own[k] = own[k];
+    for (int k = 0; k < 4; k++)
+        link->p[k] = pair->p[k], link->w[k] = at->weight[k];
 }
 
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
-                      const cn_carry *carry, cn_matrix *a, bool exact, cn_pool *pool)
+                      const cn_hang *hang, bool exact, cn_pool *pool)
 {
-    pass p = {.model = model, .contact = contact, .x = x};
     double energy = 0;
-
-    cn_pool_run(pool, chunks(contact), measure_chunk, &p);
+    cn_contact_measure(model, contact, x, false, pool);
+    if (hang) contact->nlink = 0;
     for (int i = 0; i < contact->npair; i++) {
         const cn_pair *pair = &contact->pair[i];
-        if (!(contact->distance[i] < model->gap)) continue;
         if (!(contact->distance[i] > 0)) return INFINITY;
-        const double *y = model->world->wall[pair->wall].surface->vert;
-        double b, b1, b2, dm[3];
+        if (!(contact->distance[i] < pair->gap)) continue;
+        const int n = cn_pair_nside(pair);
+        double b, b1, b2, dm[2][3];
         nearest at;
-        nearest_of(pair, x, y, &at);
+        nearest_of(pair, x, &at);
         if (passed_over(model, pair, x, &at)) continue;
-        barrier(at.distance, model->gap, &b, &b1, &b2);
-        const double m = mollifier(pair, x, y, dm);
-        energy += model->kappa * m * b;
-        for (int k = 0; f && k < at.n; k++) {
-            cn_axpy(-model->kappa * m * b1 * at.weight[k], at.direction, f + 3 * pair->a[k]);
-            if (pair->kind == CN_PAIR_EDGES) cn_axpy((k ? -1 : 1) * model->kappa * b, dm, f + 3 * pair->a[k]);
+        barrier(at.distance, pair->gap, &b, &b1, &b2);
+        const double m = mollifier(pair, x, dm), kappa = pair->kappa;
+        energy += kappa * m * b;
+        for (int k = 0; f && k < 4; k++) {
+            double *force = f + 3 * (size_t)pair->p[k];
+            if (!model->surface[pair->surface[k >= n]].body) continue;
+            cn_axpy(-kappa * m * b1 * at.weight[k], at.direction, force);
+            if (pair->kind == CN_PAIR_EDGES) cn_axpy((k % 2 ? -1 : 1) * kappa * b, dm[k / 2], force);
         }
-        for (int k = 0; a && k < at.n; k++)
-            for (int l = 0; l < at.n; l++) {
-                double h[9];
-                const double bend = exact ? model->kappa * m * b1 / at.distance : 0;
-                const double s = (model->kappa * m * b2 - bend) * at.weight[k] * at.weight[l];
-                if (exact) half_square_hessian(&at, k, l, h);
-                for (int r = 0; r < 9; r++)
-                    h[r] = s * at.direction[r / 3] * at.direction[r % 3] + (exact ? bend * h[r] : 0);
-                add_stiffness(a, carry, pair->a[k], pair->a[l], h);
-            }
+        if (hang)
+            add_pair_stiffness(model, contact, pair, &at, kappa * m * b2,
+                               exact ? kappa * m * b1 / at.distance : 0, hang);
     }
     return energy;
 }
 
-void cn_contact_anchor(const cn_contact_model *model, cn_contact *contact, const double *x, cn_pool *pool)
-{
-    pass p = {.model = model, .contact = contact, .x = x, .all = true};
-    cn_pool_run(pool, chunks(contact), measure_chunk, &p);
-    for (int i = 0; i < contact->npair; i++)
-        contact->pair[i].found = contact->distance[i];
-    memcpy(contact->from, x, 3 * (size_t)model->body->npoint * sizeof *x);
-    contact->anchored = true;
-}
-
-double cn_contact_least(const cn_contact *contact)
-{
-    double least = INFINITY;
-    for (int i = 0; i < contact->npair; i++)
-        least = contact->distance[i] < least ? contact->distance[i] : least;
-    return least;
-}
-
-/* Each chunk notes the largest fraction its pairs allow. */
-static void motion_chunk(void *user, int chunk)
-{
-    const pass *p = user;
-    cn_contact *contact = p->contact;
-    const int end = chunk * CHUNK + CHUNK < contact->npair ? chunk * CHUNK + CHUNK : contact->npair;
-    double most = 1;
-    for (int i = chunk * CHUNK; i < end; i++) {
-        const cn_pair *pair = &contact->pair[i];
-        const double *y = p->model->world->wall[pair->wall].surface->vert;
-        const int na = pair->kind == CN_PAIR_NODE_TRIANGLE ? 1 : pair->kind == CN_PAIR_EDGES ? 2 : 3;
-        const int nb = 4 - na, first = pair->kind == CN_PAIR_TRIANGLE_VERTEX ? 1 : 0;
-        double q[4][3], dq[4][3] = {{0}}, travel = 0;
-        for (int k = 0; k < na; k++) {
-            const double step = cn_norm(p->dx + 3 * pair->a[k]);
-            travel = step > travel ? step : travel;
-        }
-        if (contact->distance[i] * (1 - p->keep) > travel) continue;
-        for (int k = 0; k < na; k++) {
-            cn_copy3(p->x + 3 * pair->a[k], q[first + k]);
-            cn_copy3(p->dx + 3 * pair->a[k], dq[first + k]);
-        }
-        for (int k = 0; k < nb; k++)
-            cn_copy3(y + 3 * pair->b[k], q[first ? 0 : na + k]);
-        const double gap = p->keep * contact->distance[i];
-        const double time = pair->kind == CN_PAIR_EDGES
-                                ? cn_ccd_edge_edge((const double(*)[3])q, (const double(*)[3])dq, gap)
-                                : cn_ccd_point_triangle((const double(*)[3])q, (const double(*)[3])dq, gap);
-        most = time < most ? time : most;
-    }
-    contact->limit[chunk] = most;
-}
-
-double cn_contact_motion(const cn_contact_model *model, cn_contact *contact, const double *x,
-                         const double *dx, double keep, cn_pool *pool)
-{
-    pass p = {.model = model, .contact = contact, .x = x, .dx = dx, .keep = keep};
-    double most = 1;
-    cn_pool_run(pool, chunks(contact), measure_chunk, &p);
-    cn_pool_run(pool, chunks(contact), motion_chunk, &p);
-    for (int c = 0; c < chunks(contact); c++)
-        most = contact->limit[c] < most ? contact->limit[c] : most;
-    return most;
-}
+/* --- what pushes on a surface --- */
 
 static int root_of(int *parent, int i)
 {
@@ -336,44 +244,44 @@ static int root_of(int *parent, int i)
     return i;
 }
 
-double cn_contact_patch_force(const cn_contact_model *model, cn_contact *contact, const double *x,
-                              double where[3], int *wall)
+double cn_contact_patch_force(const cn_contact_model *model, cn_contact *contact, int surface,
+                              const double *x, double where[3], int *other)
 {
     double largest = 0;
     where[0] = where[1] = where[2] = NAN;
-    *wall = -1;
-    /* first pass: join the wall vertices of each touching pair; second: sum forces; third: the largest */
+    *other = -1;
+    /* clear; join the other side's points of each touching pair; sum forces; find the largest */
     for (int round = 0; round < 4; round++)
         for (int i = 0; i < contact->npair; i++) {
             const cn_pair *pair = &contact->pair[i];
-            if (!(contact->distance[i] < model->gap)) continue;
-            const int nb = pair->kind == CN_PAIR_NODE_TRIANGLE ? 3 : pair->kind == CN_PAIR_EDGES ? 2 : 1;
-            const int base = contact->patch_of[pair->wall];
+            if (!(contact->distance[i] < pair->gap)) continue;
+            if (pair->surface[0] != surface && pair->surface[1] != surface) continue;
+            const int n = cn_pair_nside(pair), far = pair->surface[0] == surface ? 1 : 0;
+            const int begin = far ? n : 0, end = far ? 4 : n, *p = pair->p;
             if (round == 0) {
-                for (int k = 0; k < nb; k++) {
-                    contact->patch[base + pair->b[k]] = base + pair->b[k];
-                    for (int c = 0; c < 6; c++)
-                        contact->patch_force[6 * (base + pair->b[k]) + c] = 0;
+                for (int k = begin; k < end; k++) {
+                    contact->patch[p[k]] = p[k];
+                    memset(contact->patch_force + 6 * (size_t)p[k], 0, 6 * sizeof(double));
                 }
-            } else if (round == 1) {
-                for (int k = 1; k < nb; k++)
-                    contact->patch[root_of(contact->patch, base + pair->b[k])] =
-                        root_of(contact->patch, base + pair->b[0]);
-            } else if (round == 2) {
-                const double *y = model->world->wall[pair->wall].surface->vert;
-                double b, b1, b2, dm[3];
+                continue;
+            }
+            if (round == 1) {
+                for (int k = begin + 1; k < end; k++)
+                    contact->patch[root_of(contact->patch, p[k])] = root_of(contact->patch, p[begin]);
+                continue;
+            }
+            double *force = contact->patch_force + 6 * (size_t)root_of(contact->patch, p[begin]);
+            if (round == 2) {
+                double b, b1, b2, dm[2][3], *at_far = force + 3;
                 nearest at;
-                nearest_of(pair, x, y, &at);
+                nearest_of(pair, x, &at);
                 if (passed_over(model, pair, x, &at)) continue;
-                barrier(at.distance, model->gap, &b, &b1, &b2);
-                const double size = -model->kappa * mollifier(pair, x, y, dm) * b1;
-                double *force = contact->patch_force + 6 * root_of(contact->patch, base + pair->b[0]);
-                cn_axpy(size, at.direction, force);
-                cn_copy3(at.wall, force + 3);
-            } else {
-                const double *force = contact->patch_force + 6 * root_of(contact->patch, base + pair->b[0]);
-                const double size = cn_norm(force);
-                if (size > largest) largest = size, cn_copy3(force + 3, where), *wall = pair->wall;
+                barrier(at.distance, pair->gap, &b, &b1, &b2);
+                cn_axpy((far ? -1 : 1) * pair->kappa * mollifier(pair, x, dm) * b1, at.direction, force);
+                cn_copy3(at.where, at_far);
+                if (!far) cn_axpy(at.distance, at.direction, at_far);
+            } else if (cn_norm(force) > largest) {
+                largest = cn_norm(force), cn_copy3(force + 3, where), *other = pair->surface[far];
             }
         }
     return largest;

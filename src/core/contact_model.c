@@ -1,5 +1,5 @@
-/* contact_model.c - what contact needs of a body and the walls, and the memory of the search. */
-#include "contact.h"
+/* contact_model.c - what contact needs of bodies and walls, and the memory of the search. */
+#include "contact_parts.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -35,86 +35,140 @@ static int by_key(const void *p, const void *q)
     return (a->tri > b->tri) - (a->tri < b->tri);
 }
 
-/* The surface's triangles in order along the longest side of the rest shape's box. */
-static cn_status sorted_triangles(int **out, const cn_body *body)
+/* Triangles (over npoint points) in order along the longest side of the rest shape's box. */
+static cn_status sorted_triangles(int **out, int ntri, const int *given, int npoint, const double *rest)
 {
-    const cn_surface *surface = body->boundary;
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
-    sort_key *key = malloc(((size_t)surface->ntri + 1) * sizeof *key);
-    int *tri = *out = malloc((3 * (size_t)surface->ntri + 1) * sizeof *tri), axis = 0;
+    sort_key *key = malloc(((size_t)ntri + 1) * sizeof *key);
+    int *tri = *out = malloc((3 * (size_t)ntri + 1) * sizeof *tri), axis = 0;
     if (!key || !tri) {
         free(key);
         return CN_ERR_MEMORY;
     }
-    for (int i = 0; i < 3 * body->npoint; i++)
-        low[i % 3] = fmin(low[i % 3], body->point[i]), high[i % 3] = fmax(high[i % 3], body->point[i]);
+    for (int i = 0; i < 3 * npoint; i++)
+        low[i % 3] = fmin(low[i % 3], rest[i]), high[i % 3] = fmax(high[i % 3], rest[i]);
     for (int k = 1; k < 3; k++)
         if (high[k] - low[k] > high[axis] - low[axis]) axis = k;
-    for (int t = 0; t < surface->ntri; t++) {
+    for (int t = 0; t < ntri; t++) {
         key[t] = (sort_key){0, t};
         for (int k = 0; k < 3; k++)
-            key[t].key += body->point[3 * surface->tri[3 * t + k] + axis];
+            key[t].key += rest[3 * given[3 * t + k] + axis];
     }
-    qsort(key, (size_t)surface->ntri, sizeof *key, by_key);
-    for (int t = 0; t < 3 * surface->ntri; t++)
-        tri[t] = surface->tri[3 * key[t / 3].tri + t % 3];
+    qsort(key, (size_t)ntri, sizeof *key, by_key);
+    for (int t = 0; t < 3 * ntri; t++)
+        tri[t] = given[3 * key[t / 3].tri + t % 3];
     free(key);
     return CN_OK;
 }
 
-static cn_status inner_nodes(cn_contact_model *model)
+static cn_status inner_nodes(cn_contact_surface *surface)
 {
-    const cn_body *body = model->body;
-    unsigned char *outer = calloc((size_t)body->npoint + 1, 1);
-    model->inner = malloc(((size_t)body->npoint + 1) * sizeof *model->inner);
-    if (!outer || !model->inner) {
+    unsigned char *outer = calloc((size_t)surface->npoint + 1, 1);
+    surface->inner = malloc(((size_t)surface->npoint + 1) * sizeof *surface->inner);
+    if (!outer || !surface->inner) {
         free(outer);
         return CN_ERR_MEMORY;
     }
-    for (int c = 0; c < 3 * body->boundary->ntri; c++)
-        outer[model->tri[c]] = 1;
-    for (int i = 0; i < body->npoint; i++)
-        if (!outer[i]) model->inner[model->ninner++] = i;
+    for (int c = 0; c < 3 * surface->ntri; c++)
+        outer[surface->tri[c]] = 1;
+    for (int i = 0; i < surface->npoint; i++)
+        if (!outer[i]) surface->inner[surface->ninner++] = i;
     free(outer);
     return CN_OK;
 }
 
-cn_status cn_contact_model_new(cn_contact_model **out, const cn_body *body, const cn_world *world, double gap,
-                               double kappa)
+static cn_status body_surface(cn_contact_surface *out, const cn_contact_body *given)
 {
-    cn_contact_model *model = calloc(1, sizeof *model);
-    cn_status status = CN_ERR_MEMORY;
-    *out = NULL;
-    if (!model) return CN_ERR_MEMORY;
-    model->body = body, model->world = world, model->gap = gap, model->kappa = kappa;
-    model->wall_collider = calloc((size_t)world->nwall + 1, sizeof *model->wall_collider);
-    model->wall_plane = calloc((size_t)world->nwall + 1, sizeof *model->wall_plane);
-    if (!model->wall_collider || !model->wall_plane) goto fail;
-    if ((status = sorted_triangles(&model->tri, body)) != CN_OK) goto fail;
-    status = cn_collider_new(&model->collider, body->boundary->ntri, model->tri, body->npoint, NULL);
-    for (int w = 0; w < world->nwall && status == CN_OK; w++) {
-        const cn_surface *wall = world->wall[w].surface;
-        status = cn_collider_new(&model->wall_collider[w], wall->ntri, wall->tri, wall->nvert, wall->vert);
-        if (status == CN_OK) status = planes_of(&model->wall_plane[w], wall);
+    const cn_body *body = out->body = given->body;
+    cn_status status;
+    out->wall = given->wall, out->self = given->self, out->gap = given->gap, out->kappa = given->kappa;
+    out->npoint = body->npoint, out->ntri = body->boundary->ntri, out->rest = body->point;
+    if ((status = sorted_triangles(&out->tri, out->ntri, body->boundary->tri, out->npoint, out->rest)) !=
+        CN_OK)
+        return status;
+    status = cn_collider_new(&out->collider, out->ntri, out->tri, out->npoint, NULL);
+    return status == CN_OK ? inner_nodes(out) : status;
+}
+
+static cn_status wall_surface(cn_contact_surface *out, const cn_world *world, int wall, bool moving)
+{
+    const cn_surface *surface = world->wall[wall].surface;
+    cn_status status = CN_OK;
+    out->wall = wall, out->moving = moving, out->gap = out->kappa = INFINITY;
+    out->npoint = surface->nvert, out->ntri = surface->ntri, out->rest = surface->vert;
+    if (moving) {
+        status = sorted_triangles(&out->tri, out->ntri, surface->tri, out->npoint, out->rest);
+    } else { /* in the order of the world's tree */
+        if (!(out->tri = malloc((3 * (size_t)out->ntri + 1) * sizeof *out->tri))) return CN_ERR_MEMORY;
+        memcpy(out->tri, surface->tri, 3 * (size_t)out->ntri * sizeof *out->tri);
+        status = planes_of(&out->plane, surface);
     }
-    if (status == CN_OK) status = inner_nodes(model);
-    if (status != CN_OK) goto fail;
-    *out = model;
-    return CN_OK;
-fail:
-    cn_contact_model_free(model);
+    return status == CN_OK ? cn_collider_new(&out->collider, out->ntri, out->tri, out->npoint, out->rest)
+                           : status;
+}
+
+/* Every two surfaces that may meet have a gap and a stiffness; a wall is stood for once, and then rigid no
+ * more. */
+static bool in_order(const cn_world *world, int nbody, const cn_contact_body *body,
+                     const unsigned char *moving)
+{
+    int rigid = world->nwall;
+    for (int b = 0; b < nbody; b++)
+        rigid -= body[b].wall >= 0;
+    for (int b = 0; b < nbody; b++) {
+        const bool needed = body[b].self || rigid > 0;
+        if (!(body[b].gap > 0 && body[b].kappa > 0)) return false;
+        if (needed && !(body[b].gap < INFINITY && body[b].kappa < INFINITY)) return false;
+        if (!(body[b].wall >= -1 && body[b].wall < world->nwall)) return false;
+        if (body[b].wall >= 0 && moving && moving[body[b].wall]) return false;
+        for (int c = 0; c < b; c++) {
+            if (body[b].wall >= 0 && body[b].wall == body[c].wall) return false;
+            if (!(fmin(body[b].gap, body[c].gap) < INFINITY)) return false;
+            if (!(fmin(body[b].kappa, body[c].kappa) < INFINITY)) return false;
+        }
+    }
+    return true;
+}
+
+cn_status cn_contact_model_new(cn_contact_model **out, const cn_world *world, int nbody,
+                               const cn_contact_body *body, const unsigned char *moving)
+{
+    cn_contact_model *model;
+    cn_status status = CN_OK;
+    *out = NULL;
+    if (!in_order(world, nbody, body, moving)) return CN_ERR_ARG;
+    if (!(model = calloc(1, sizeof *model))) return CN_ERR_MEMORY;
+    model->world = world;
+    model->surface = calloc((size_t)nbody + (size_t)world->nwall + 1, sizeof *model->surface);
+    if (!model->surface) status = CN_ERR_MEMORY;
+    for (int s = 0; s < nbody + world->nwall && status == CN_OK; s++) {
+        cn_contact_surface *surface = &model->surface[model->nsurface];
+        bool taken = false;
+        for (int b = 0; b < nbody; b++)
+            taken |= s >= nbody && body[b].wall == s - nbody;
+        if (taken) continue;
+        model->nsurface++; /* a half-built one can be cleared */
+        status = s < nbody ? body_surface(surface, body + s)
+                           : wall_surface(surface, world, s - nbody, moving && moving[s - nbody]);
+        surface->first = model->npoint, model->npoint += surface->npoint;
+        if (surface->gap < INFINITY) model->gap = fmax(model->gap, surface->gap);
+    }
+    if (status == CN_OK)
+        *out = model;
+    else
+        cn_contact_model_free(model);
     return status;
 }
 
 void cn_contact_model_free(cn_contact_model *model)
 {
     if (!model) return;
-    cn_collider_free(model->collider);
-    for (int w = 0; model->wall_collider && w < model->world->nwall; w++)
-        cn_collider_free(model->wall_collider[w]);
-    for (int w = 0; model->wall_plane && w < model->world->nwall; w++)
-        free(model->wall_plane[w]);
-    free(model->wall_collider), free(model->wall_plane), free(model->tri), free(model->inner);
+    for (int s = 0; s < model->nsurface; s++) {
+        cn_contact_surface *surface = &model->surface[s];
+        cn_collider_free(surface->collider);
+        free(surface->tri), free(surface->inner), free(surface->plane);
+    }
+    free(model->surface);
     free(model);
 }
 
@@ -128,31 +182,46 @@ static cn_status pair_memory(cn_contact *contact, int capacity)
     if (distance) contact->distance = distance;
     double *limit = realloc(contact->limit, ((size_t)capacity / 64 + 1) * sizeof *limit);
     if (limit) contact->limit = limit;
-    if (!pair || !distance || !limit) return CN_ERR_MEMORY;
+    cn_link *link = realloc(contact->link, (size_t)capacity * sizeof *link);
+    if (link) contact->link = link;
+    if (!pair || !distance || !limit || !link) return CN_ERR_MEMORY;
     contact->capacity = capacity;
     return CN_OK;
 }
 
+static int parts_of(const cn_contact_surface *surface)
+{
+    const int npart = surface->ntri / PART_TRIANGLES;
+    if (cn_contact_rests(surface)) return 0;
+    return npart < 1 ? 1 : npart > PARTS ? PARTS : npart;
+}
+
+/* Parts in the order of the surfaces. */
 static cn_status part_memory(cn_contact *contact, const cn_contact_model *model)
 {
-    const int ntri = model->collider->ntri;
-    int npart = ntri / PART_TRIANGLES;
+    size_t all = 1;
     cn_status status;
-    npart = npart < 1 ? 1 : npart > PARTS ? PARTS : npart;
-    contact->part = calloc((size_t)npart, sizeof *contact->part);
-    contact->found = calloc((size_t)npart, sizeof *contact->found);
+    for (int s = 0; s < model->nsurface; s++)
+        all += (size_t)parts_of(&model->surface[s]);
+    contact->part = calloc(all, sizeof *contact->part);
+    contact->found = calloc(all, sizeof *contact->found);
     if (!contact->part || !contact->found) return CN_ERR_MEMORY;
-    for (int p = 0; p < npart; p++) {
-        cn_contact_part *part = &contact->part[contact->npart++];
-        part->first = (int)((long)ntri * p / npart);
-        part->ntri = (int)((long)ntri * (p + 1) / npart) - part->first;
-        part->capacity = 1024, part->lowest = model->body->npoint;
-        for (int c = 3 * part->first; c < 3 * (part->first + part->ntri); c++)
-            part->lowest = model->tri[c] < part->lowest ? model->tri[c] : part->lowest;
-        if (!(part->pair = malloc((size_t)part->capacity * sizeof *part->pair))) return CN_ERR_MEMORY;
-        if ((status = cn_tree_new(&part->tree, part->ntri, model->tri + 3 * part->first,
-                                  model->body->point)) != CN_OK)
-            return status;
+    for (int s = 0; s < model->nsurface; s++) {
+        const cn_contact_surface *surface = &model->surface[s];
+        const int npart = parts_of(surface);
+        for (int p = 0; p < npart; p++) {
+            cn_contact_part *part = &contact->part[contact->npart++];
+            part->surface = s;
+            part->first = (int)((long)surface->ntri * p / npart);
+            part->ntri = (int)((long)surface->ntri * (p + 1) / npart) - part->first;
+            part->capacity = 1024, part->lowest = surface->npoint;
+            for (int c = 3 * part->first; c < 3 * (part->first + part->ntri); c++)
+                part->lowest = surface->tri[c] < part->lowest ? surface->tri[c] : part->lowest;
+            if (!(part->pair = malloc((size_t)part->capacity * sizeof *part->pair))) return CN_ERR_MEMORY;
+            if ((status = cn_tree_new(&part->tree, part->ntri, surface->tri + 3 * part->first,
+                                      surface->rest)) != CN_OK)
+                return status;
+        }
     }
     return CN_OK;
 }
@@ -160,23 +229,18 @@ static cn_status part_memory(cn_contact *contact, const cn_contact_model *model)
 cn_status cn_contact_new(cn_contact **out, const cn_contact_model *model)
 {
     cn_contact *contact = calloc(1, sizeof *contact);
-    const cn_body *body = model->body;
-    const int nwall = model->world->nwall;
+    const size_t n = (size_t)model->npoint + 1;
     cn_status status = CN_ERR_MEMORY;
     *out = NULL;
     if (!contact) return CN_ERR_MEMORY;
-    contact->from = malloc(3 * (size_t)body->npoint * sizeof *contact->from);
-    contact->end = malloc(3 * (size_t)body->npoint * sizeof *contact->end);
-    contact->patch_of = malloc(((size_t)nwall + 1) * sizeof *contact->patch_of);
-    if (!contact->from || !contact->end || !contact->patch_of) goto fail;
-    contact->patch_of[0] = 0;
-    for (int w = 0; w < nwall; w++)
-        contact->patch_of[w + 1] = contact->patch_of[w] + model->world->wall[w].surface->nvert;
-    contact->patch = malloc(((size_t)contact->patch_of[nwall] + 1) * sizeof *contact->patch);
-    contact->patch_force = malloc((6 * (size_t)contact->patch_of[nwall] + 1) * sizeof *contact->patch_force);
-    if (!contact->patch || !contact->patch_force) goto fail;
+    contact->from = malloc(3 * n * sizeof *contact->from);
+    contact->end = malloc(3 * n * sizeof *contact->end);
+    contact->patch = malloc(n * sizeof *contact->patch);
+    contact->patch_force = malloc(6 * n * sizeof *contact->patch_force);
+    if (!contact->from || !contact->end || !contact->patch || !contact->patch_force) goto fail;
     if ((status = pair_memory(contact, 16384)) != CN_OK) goto fail;
     if ((status = part_memory(contact, model)) != CN_OK) goto fail;
+    if ((status = cn_contact_space_new(&contact->space, model, contact)) != CN_OK) goto fail;
     *out = contact;
     return CN_OK;
 fail:
@@ -190,9 +254,9 @@ void cn_contact_free(cn_contact *contact)
     for (int p = 0; p < contact->npart; p++)
         cn_tree_free(contact->part[p].tree), free(contact->part[p].pair);
     free(contact->part), free(contact->found);
-    free(contact->pair), free(contact->distance), free(contact->limit), free(contact->from),
-        free(contact->end);
-    free(contact->patch), free(contact->patch_of), free(contact->patch_force);
+    free(contact->pair), free(contact->distance), free(contact->limit), free(contact->link);
+    free(contact->from), free(contact->end), free(contact->patch), free(contact->patch_force);
+    cn_contact_space_free(contact->space);
     free(contact);
 }
 

@@ -183,15 +183,15 @@ static int ray_crossings(const cn_tree *tree, const double p[3], int k, bool up)
     return count;
 }
 
-bool cn_tree_inside(const cn_tree *tree, const cn_tree *caps, const double p[3])
+bool cn_tree_inside_all(int ntree, const cn_tree *const *tree, const double p[3])
 {
-    double min[3], max[3], low[3], high[3], least = INFINITY;
-    int axis = 0;
+    double min[3] = {INFINITY, INFINITY, INFINITY}, max[3] = {-INFINITY, -INFINITY, -INFINITY};
+    double low[3], high[3], least = INFINITY;
+    int axis = 0, count = 0;
     bool up = true;
 
-    cn_tree_box(tree, min, max);
-    if (caps) {
-        cn_tree_box(caps, low, high);
+    for (int i = 0; i < ntree; i++) {
+        cn_tree_box(tree[i], low, high);
         for (int k = 0; k < 3; k++)
             min[k] = fmin(min[k], low[k]), max[k] = fmax(max[k], high[k]);
     }
@@ -200,6 +200,12 @@ bool cn_tree_inside(const cn_tree *tree, const cn_tree *caps, const double p[3])
         if (p[k] - min[k] < least) least = p[k] - min[k], axis = k, up = false;
         if (max[k] - p[k] < least) least = max[k] - p[k], axis = k, up = true;
     }
-    const int count = ray_crossings(tree, p, axis, up) + (caps ? ray_crossings(caps, p, axis, up) : 0);
+    for (int i = 0; i < ntree; i++)
+        count += ray_crossings(tree[i], p, axis, up);
     return count % 2 == 1;
+}
+
+bool cn_tree_inside(const cn_tree *tree, const cn_tree *caps, const double p[3])
+{
+    return cn_tree_inside_all(caps ? 2 : 1, (const cn_tree *const[]){tree, caps}, p);
 }

@@ -65,33 +65,44 @@ static int next_edge(const edge *list, int n, const bool *used, int v)
     return -1;
 }
 
-/* Centroid of the loop's edges [by length], vector area of its fan, and how far it reaches. */
-static void measure_loop(const double *vert, const edge *list, const int *loop, int n, double apex[3],
-                         double cap[7])
+/* Of one loop's fan (its triangles run apex, to, from): the apex goes to the centroid of the loop's edges [by
+ * length]; vector area of the fan, and how far it reaches. */
+static void measure_loop(double *vert, const int *fan, int n, double cap[7])
 {
+    double *apex = vert + 3 * (size_t)fan[0];
     double length = 0, area[3] = {0, 0, 0}, u[3], w[3], c[3], level = INFINITY, radius2 = 0;
     apex[0] = apex[1] = apex[2] = 0;
     for (int i = 0; i < n; i++) {
-        const double *a = vert + 3 * (size_t)list[loop[i]].from, *b = vert + 3 * (size_t)list[loop[i]].to;
+        const double *a = vert + 3 * (size_t)fan[3 * i + 2], *b = vert + 3 * (size_t)fan[3 * i + 1];
         const double l = cn_distance(a, b);
         cn_axpy(l / 2, a, apex), cn_axpy(l / 2, b, apex), length += l;
     }
     for (int k = 0; k < 3; k++)
-        apex[k] = length > 0 ? apex[k] / length : vert[3 * (size_t)list[loop[0]].from + k];
+        apex[k] = length > 0 ? apex[k] / length : vert[3 * (size_t)fan[2] + (size_t)k];
     for (int i = 0; i < n; i++) {
-        cn_sub(vert + 3 * (size_t)list[loop[i]].to, apex, u),
-            cn_sub(vert + 3 * (size_t)list[loop[i]].from, apex, w);
+        cn_sub(vert + 3 * (size_t)fan[3 * i + 1], apex, u),
+            cn_sub(vert + 3 * (size_t)fan[3 * i + 2], apex, w);
         cn_cross(u, w, c);
         cn_add(area, c, area);
     }
     cn_normalise(area);
     for (int i = 0; i < n; i++) {
-        cn_sub(vert + 3 * (size_t)list[loop[i]].from, apex, u);
+        cn_sub(vert + 3 * (size_t)fan[3 * i + 2], apex, u);
         const double along = cn_dot(u, area);
         level = fmin(level, along), radius2 = fmax(radius2, cn_norm2(u) - along * along);
     }
     cn_copy3(apex, cap), cn_axpy(level, area, cap), cn_copy3(area, cap + 3);
     cap[6] = sqrt(radius2);
+}
+
+void cn_wall_measure_caps(const cn_wall *wall, double *vert, double (*cap)[7])
+{
+    const int ntri = wall->caps ? wall->caps->ntri : 0;
+    for (int begin = 0, end; begin < ntri; begin = end) {
+        for (end = begin; end < ntri && wall->cap_of[end] == wall->cap_of[begin];)
+            end++;
+        measure_loop(vert, wall->caps->tri + 3 * begin, end - begin, cap[wall->cap_of[begin]]);
+    }
 }
 
 cn_status cn_wall_cap(cn_wall *wall)
@@ -118,8 +129,6 @@ cn_status cn_wall_cap(cn_wall *wall)
             used[e] = true, loop[count++] = e;
         if (!count) continue;
         const int apex = surface->nvert + wall->ncap;
-        measure_loop(surface->vert, list, loop, count, wall->caps->vert + 3 * (size_t)apex,
-                     wall->cap[wall->ncap]);
         for (int i = 0; i < count; i++, ntri++) {
             wall->cap_of[ntri] = wall->ncap;
             wall->caps->tri[3 * ntri] = apex;
@@ -129,20 +138,20 @@ cn_status cn_wall_cap(cn_wall *wall)
         wall->ncap++;
     }
     wall->caps->nvert = surface->nvert + wall->ncap;
+    cn_wall_measure_caps(wall, wall->caps->vert, wall->cap);
     status = cn_tree_new(&wall->cap_tree, wall->caps->ntri, wall->caps->tri, wall->caps->vert);
 done:
     free(list), free(used), free(loop);
     return status;
 }
 
-bool cn_wall_corridor(const cn_wall *wall, const double p[3])
+bool cn_cap_corridor(int ncap, double (*cap)[7], const double p[3])
 {
-    for (int i = 0; i < wall->ncap; i++) {
-        const double *cap = wall->cap[i];
+    for (int i = 0; i < ncap; i++) {
         double d[3];
-        cn_sub(p, cap, d);
-        const double along = cn_dot(d, cap + 3);
-        if (along >= 0 && cn_norm2(d) - along * along <= cap[6] * cap[6]) return true;
+        cn_sub(p, cap[i], d);
+        const double along = cn_dot(d, cap[i] + 3);
+        if (along >= 0 && cn_norm2(d) - along * along <= cap[i][6] * cap[i][6]) return true;
     }
     return false;
 }

@@ -24,7 +24,7 @@ bool cn_world_free_at(const cn_world *world, const double p[3])
     bool inside = world->nvessel == 0;
     for (int i = 0; i < world->nvessel && !inside; i++) {
         const cn_wall *wall = world->wall + i;
-        inside = cn_wall_corridor(wall, p) || cn_tree_inside(wall->tree, wall->cap_tree, p);
+        inside = cn_cap_corridor(wall->ncap, wall->cap, p) || cn_tree_inside(wall->tree, wall->cap_tree, p);
     }
     if (!inside || behind_plane(world, p)) return false;
     for (int i = world->nvessel; i < world->nwall; i++)
