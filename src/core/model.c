@@ -266,8 +266,8 @@ static void contact_of(cn_model_body *out, const cn_scene *scene)
                                                  : scene->contact.stiffness;
 }
 
-/* A body that could come to touch itself: eight times as long as it is thick, as a round bar of its volume and
- * surface is. */
+/* A body that could come to touch itself: eight times as long as it is thick, as a round bar of its volume
+ * and surface is. */
 static bool can_fold(const cn_model_body *body)
 {
     const cn_body *b = body->body;
@@ -386,7 +386,10 @@ cn_status cn_model_new(cn_model **out, const cn_scene *scene, const cn_world *wo
     model->coupled = touch && nbody > 1;
     for (int b = 0; b < nbody; b++) {
         cn_model_body *body = &model->body[b];
-        body->self = touch && (scene->contact.self == CN_ON || (scene->contact.self == CN_AUTO && can_fold(body)));
+        const bool done = scene->leave_out.self_contact == CN_OFF || scene->contact.self == CN_ON;
+        body->self = touch && scene->leave_out.self_contact != CN_ON && scene->contact.self != CN_OFF &&
+                     !body->spec->wall && (done || can_fold(body));
+        body->self_always = body->self && done;
         if (world->nwall > 0 || model->coupled || body->self) contact_of(body, scene);
     }
     *out = model;

@@ -264,9 +264,8 @@ cn_status cn_run_advance(cn_run_data *run, int w)
             for (int b = 0; b < n; b++)
                 add_part(&figures[b], &part[b]);
             if (status != CN_OK) break;
-            figures->residual =
-                fmax(figures->residual,
-                     cn_step_residual(run->model, from, run->trial, path, dt / parts, work));
+            figures->residual = fmax(figures->residual,
+                                     cn_step_residual(run->model, from, run->trial, path, dt / parts, work));
             for (int b = 0; b < n; b++)
                 add_end(&figures[b], &part[b]);
             if (i + 1 < parts) {

@@ -148,7 +148,12 @@ void cn_run_watch(cn_run_data *run)
     if (left_out != CN_OFF && (leave->every <= 0 || run->report->steps % leave->every)) return;
     for (int b = 0; b < run->nbody; b++) {
         cn_self *self = &leave->self[b];
-        if (run->spec[b].wall || self->needed || (left_out == CN_AUTO && cn_cannot_fold(&run->model->body[b], &run->state->body[b], run->body[b].points)) ||
+        const bool folds = !cn_cannot_fold(&run->model->body[b], &run->state->body[b], run->body[b].points);
+        if (run->model->body[b].self) { /* the step sees to it */
+            if (folds && !self->done) self->done = run->state->step;
+            continue;
+        }
+        if (run->spec[b].wall || self->needed || (left_out == CN_AUTO && !folds) ||
             !meets_itself(run, b, run->state, &m))
             continue;
         if (!self->tested) self->tested = run->state->step;
@@ -309,13 +314,14 @@ static void wall_solve(cn_run_data *run)
 static void self_contact(cn_run_data *run)
 {
     const cn_leave *leave = &run->leave;
-    const cn_self *needed = NULL, *tested = NULL;
+    const cn_self *needed = NULL, *tested = NULL, *done = NULL;
     cn_left_out *entry;
     double spent = 0;
     bool near = false;
     for (int b = run->nbody - 1; leave->self && b >= 0; b--) {
         if (leave->self[b].tested) tested = &leave->self[b];
         if (leave->self[b].needed) needed = &leave->self[b];
+        if (leave->self[b].done) done = &leave->self[b];
     }
     if (run->scene->leave_out.self_contact == CN_OFF && !needed) return;
     if (needed)
@@ -325,6 +331,11 @@ static void self_contact(cn_run_data *run)
                          needed->distance);
     else if (run->scene->leave_out.self_contact == CN_ON)
         entry = entry_of(run, "self_contact", "asked for");
+    else if (done && done->done > 1)
+        entry = entry_of(run, "self_contact", "up to step %d alone: from then on %.40s could come to itself",
+                         done->done - 1, run->spec[done - leave->self].name);
+    else if (done)
+        return; /* all of it is done */
     else if (tested)
         entry = entry_of(run, "self_contact",
                          "no two parts of a body came near, tested at every %d steps from step %d on",

@@ -16,7 +16,7 @@ typedef struct {
 typedef struct {
     cn_path *path; /* NULL: no waypoints */
     cn_roadmap roadmap;
-    double *vertex_s; /* arc lengths of the roadmap vertices on the path (roadmap.npoint) */
+    double *vertex_s;  /* arc lengths of the roadmap vertices on the path (roadmap.npoint) */
     double *von_mises; /* (ntet) */
     double *turn;      /* copy of the rotations for frames: looking must not change the run (nturn x 4) */
     double *points;    /* scratch of cn_run_points (npoint x 3) */
@@ -40,6 +40,7 @@ typedef struct {
 typedef struct {
     struct cn_tree *tree; /* over its surface, NULL: not made yet */
     int tested, needed;   /* from these steps on, 0: never */
+    int done;             /* from this step on the step itself sees to it, 0: not so far */
     int a, b;             /* triangles that met */
     double distance;      /* [m] */
 } cn_self;
@@ -81,9 +82,9 @@ struct cn_run_data {
     cn_work **work;
     const cn_path **path;     /* of the bodies, for a step (nbody) */
     cn_step_figures *figures; /* (2 nbody): of a step, and of one part of it */
-    int shown_step; /* of the last frame handed out, -1: none */
-    long newton;    /* Newton iterations in all, and */
-    long kept;      /* those that an earlier factor served */
+    int shown_step;           /* of the last frame handed out, -1: none */
+    long newton;              /* Newton iterations in all, and */
+    long kept;                /* those that an earlier factor served */
     cn_leave leave;
     int nsample, sample_capacity;
     double *fem_ms, *collision_ms, *step_ms;
@@ -101,8 +102,8 @@ void cn_run_works_clear(cn_run_data *run);
 /* Paths of the bodies as they are now. */
 const cn_path *const *cn_run_paths(const cn_run_data *run);
 /* One whole step of a work's bodies from run->state into run->trial: in quarters, sixteenths, ... where it
- * does not converge (counted as rejected steps; run->spare is used). Figures of its bodies in run->figures, at
- * their index. */
+ * does not converge (counted as rejected steps; run->spare is used). Figures of its bodies in run->figures,
+ * at their index. */
 cn_status cn_run_advance(cn_run_data *run, int work);
 
 /* run_door.c: what the request asks, and what this build cannot do; refusals in words. */

@@ -28,11 +28,11 @@ typedef struct {
 typedef struct {
     const cn_body_spec *spec;
     cn_body *body;
-    unsigned char *fixed;      /* held by the scene (nblock) */
-    double *start;             /* positions at t = 0 [m], NULL: at rest (nnode x 3) */
-    double gap, kappa;         /* contact's barrier begins at [m], 0: nothing to touch; [N/m] */
-    bool self;                 /* touches itself */
-    int wall;                  /* of the world, for which it stands; -1: none */
+    unsigned char *fixed;   /* held by the scene (nblock) */
+    double *start;          /* positions at t = 0 [m], NULL: at rest (nnode x 3) */
+    double gap, kappa;      /* contact's barrier begins at [m], 0: nothing to touch; [N/m] */
+    bool self, self_always; /* can touch itself; tested even while it cannot fold */
+    int wall;               /* of the world, for which it stands; -1: none */
     int nload;
     cn_nodal_load *load;
     int ntip, *tip; /* nodes of a beam's +x face */
@@ -124,9 +124,9 @@ int cn_work_wall(const cn_work *work, int surface);
 
 /* One step of the work's bodies from `state` into `trial` (copied first): drive along path (nbody of the
  * model; NULL, or an entry NULL: none), solve, contact. CN_OK: trial holds the new state, figures (of the
- * work's bodies) are filled. Any failure leaves `state` untouched; trial is void. CN_ERR_CONVERGENCE: residual
- * above the tolerance after all iterations; CN_ERR_SINGULAR; CN_ERR_NOT_FINITE; CN_ERR_CONTACT: a list is full
- * (cn_work_grow, then again). */
+ * work's bodies) are filled. Any failure leaves `state` untouched; trial is void. CN_ERR_CONVERGENCE:
+ * residual above the tolerance after all iterations; CN_ERR_SINGULAR; CN_ERR_NOT_FINITE; CN_ERR_CONTACT: a
+ * list is full (cn_work_grow, then again). */
 cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial, const cn_path *const *path,
                   double dt, cn_work *work, cn_step_figures *figures);
 cn_status cn_work_grow(cn_work *work);

@@ -1,4 +1,5 @@
-/* step.c - one step of all bodies that are solved together: stages of the integrator, each a minimum (step_parts.h), h its own step:
+/* step.c - one step of all bodies that are solved together: stages of the integrator, each a minimum
+ * (step_parts.h), h its own step:
  *
  *   euler      h = dt: ahead = dt v0, lag = 0.
  *   midpoint   h = dt/2 to the middle: ahead = h v0, lag = 0; the end is as far again, v1 = 2 v_mid - v0.
@@ -57,13 +58,13 @@ static void set_up(cn_stage *s, cn_part *part, const cn_body_state *from, double
     const cn_body *b = body->body;
     const int nfree = from->nfree;
     const bool rod = b->nblock > b->nnode;
-    *s = (cn_stage){.part = part, .from = from, .h = dt, .nfree = nfree, .x = x, .rotation = rotation, .path = path};
+    *s = (cn_stage){
+        .part = part, .from = from, .h = dt, .nfree = nfree, .x = x, .rotation = rotation, .path = path};
     s->nactive = nfree + body->per_station < b->nnode ? nfree + body->per_station : b->nnode;
     s->again = rod ? b->nnode : nfree;
     s->last = nfree == 0 ? 0 : rod ? b->nnode + nfree : nfree;
     s->rows = rod ? b->nblock : nfree;
-    s->free_flight =
-        model->inertia && !model->single && !part->anchored && !path && nfree == b->nnode;
+    s->free_flight = model->inertia && !model->single && !part->anchored && !path && nfree == b->nnode;
     memset(part->held, 1, (size_t)b->nblock);
     EACH_FREE(s, i)
     part->held[i] = body->fixed[i];
@@ -83,7 +84,8 @@ static void group_up(cn_group *g, cn_work *work, const cn_state *state, cn_state
     for (int p = 0; work->surfaces && p < work->npart; p++)
         near |= work->surfaces->surface[p].self =
             work->part[p].body->self &&
-            !cn_cannot_fold(work->part[p].body, &state->body[work->first + p], work->part[p].axis);
+            (work->part[p].body->self_always ||
+             !cn_cannot_fold(work->part[p].body, &state->body[work->first + p], work->part[p].axis));
     g->strict = near && work->model->touches && work->model->scene->contact.method == CN_CONTACT_STRICT;
     for (int p = 0; p < work->npart; p++) {
         cn_part *part = &work->part[p];

@@ -127,8 +127,8 @@ static double evaluate(const cn_group *g, cn_where at, int tangent)
     return energy;
 }
 
-/* How far the residual is above what is asked, 1: just there; of the body for which it is farthest. converged:
- * what is asked is the tolerance, else the round-off alone. */
+/* How far the residual is above what is asked, 1: just there; of the body for which it is farthest.
+ * converged: what is asked is the tolerance, else the round-off alone. */
 static double excess(const cn_group *g, bool converged)
 {
     double most = 0;

@@ -26,16 +26,16 @@ typedef struct {
     double *gradient, *elastic, *external, *path, *touch, *dx;
     double *moved, *damped; /* of damping_stiffness */
     double *axis;
-    double *cg[4];         /* of conjugate gradients over all bodies */
-    double *spin;          /* a rod's inertia in world axes at the step's start (nnode x 9) */
-    bool anchored;         /* a node is held by the scene */
-    unsigned char *held;   /* fixed, or a rod's in the sheath (nblock) */
+    double *cg[4];                      /* of conjugate gradients over all bodies */
+    double *spin;                       /* a rod's inertia in world axes at the step's start (nnode x 9) */
+    bool anchored;                      /* a node is held by the scene */
+    unsigned char *held;                /* fixed, or a rod's in the sheath (nblock) */
     double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
-    bool linked;           /* contact joins it to others, or to itself */
-    bool factored;         /* the solver holds a factor of an earlier iteration, made ... */
-    int factored_nfree;    /* ... with this many free nodes */
-    double factored_h;     /* ... and this step */
-    double *factored_turn; /* ... at these element rotations (nturn x 4) */
+    bool linked;                        /* contact joins it to others, or to itself */
+    bool factored;                      /* the solver holds a factor of an earlier iteration, made ... */
+    int factored_nfree;                 /* ... with this many free nodes */
+    double factored_h;                  /* ... and this step */
+    double *factored_turn;              /* ... at these element rotations (nturn x 4) */
 } cn_part;
 
 /* What is fixed while one minimum is sought, for one body:
@@ -62,13 +62,13 @@ struct cn_work {
     /* contact of all of them; surface s < npart is part s's. NULL: nothing to touch */
     cn_contact_model *surfaces;
     cn_contact *contact;
-    cn_hang *hang;   /* (nsurface) */
-    int *nfree;      /* leading points that take part (nsurface) */
-    double *memory;  /* by points of all surfaces (npoint x 3): */
-    double *points;  /* where they are, ... */
-    double *trial;   /* ... at a trial, ... */
-    double *motion;  /* ... between */
-    double *goal;    /* where walls that move go to */
+    cn_hang *hang;  /* (nsurface) */
+    int *nfree;     /* leading points that take part (nsurface) */
+    double *memory; /* by points of all surfaces (npoint x 3): */
+    double *points; /* where they are, ... */
+    double *trial;  /* ... at a trial, ... */
+    double *motion; /* ... between */
+    double *goal;   /* where walls that move go to */
     double *force, *mass;
     double *axis;    /* points of axes to be inside (all nodes x 3) */
     bool moving;     /* a wall goes along a path, ... */
@@ -77,7 +77,7 @@ struct cn_work {
     double collision_s;
     double energy_size; /* of all energies [J] */
     double added;       /* inertia that last made the exact tangent positive definite, over M/h^2 */
-    double forcing; /* what an iterative solver may leave of the residual */
+    double forcing;     /* what an iterative solver may leave of the residual */
 };
 
 /* All bodies of a work in one stage. */
@@ -89,7 +89,7 @@ typedef struct {
 } cn_group;
 
 /* Blocks i of free nodes: their positions, then a rod's rotations. */
-#define EACH_FREE(s, i) for (int i = 0; i < (s)->last; i = i + 1 == (s)->nfree ? (s)->again : i + 1)
+#define EACH_FREE(s, i)  for (int i = 0; i < (s)->last; i = i + 1 == (s)->nfree ? (s)->again : i + 1)
 #define EACH_STAGE(g, s) for (cn_stage *s = (g)->stage; s < (g)->stage + (g)->n; s++)
 
 /* --- step_newton.c --- */

@@ -213,7 +213,8 @@ static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
         const double pq = dot(g, P, Q);
         if (!(pq > 0)) return isnan(pq) ? CN_ERR_NOT_FINITE : CN_ERR_SINGULAR;
         EACH_STAGE(g, s)
-        if (s->part->linked) EACH_FREE(s, i) {
+        if (s->part->linked) EACH_FREE(s, i)
+            {
                 if (s->part->held[i]) continue;
                 cn_axpy(rz / pq, s->part->cg[P] + 3 * i, s->part->dx + 3 * i);
                 cn_axpy(-rz / pq, s->part->cg[Q] + 3 * i, s->part->cg[R] + 3 * i);
@@ -239,8 +240,7 @@ cn_status cn_stage_solve(const cn_group *g, double *slope, cn_step_figures *figu
     *slope = 0;
     EACH_STAGE(g, s)
     {
-        if (!s->part->linked && (status = solve_alone(s, g->work->forcing, figures)) != CN_OK)
-            return status;
+        if (!s->part->linked && (status = solve_alone(s, g->work->forcing, figures)) != CN_OK) return status;
         EACH_FREE(s, i)
         *slope += cn_dot(s->part->gradient + 3 * i, s->part->dx + 3 * i);
     }

@@ -22,8 +22,8 @@ void cn_touch_points(const cn_group *g, cn_where at, double *points)
     {
         const cn_body *b = s->part->body->body;
         double *own = body_points(g->work, (int)(s - g->stage), points);
-        const double *x = cn_body_points(b, s->nactive, at == CN_AT_STATE ? s->x : s->part->trial,
-                                         s->rotation, own);
+        const double *x =
+            cn_body_points(b, s->nactive, at == CN_AT_STATE ? s->x : s->part->trial, s->rotation, own);
         if (x != own) memcpy(own, x, 3 * (size_t)b->npoint * sizeof *own);
     }
 }
