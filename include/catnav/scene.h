@@ -30,6 +30,7 @@ typedef struct {
     cn_shape_kind kind;
     char *file;             /* resolved against the scene file's folder */
     cn_placement placement; /* any shape or file takes it */
+    double max_volume;      /* of a tetrahedron where a surface is filled [m^3], 0: the mesher's choice */
     struct {
         double length, diameter, inner_diameter;
         double entry[3], direction[3];
