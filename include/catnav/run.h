@@ -39,6 +39,8 @@ typedef struct {
     double steps_per_s;
     double margin;         /* to the nearest limit: 1 - worst value/limit; INFINITY: no limit */
     const char *margin_of; /* name of that quantity, "" */
+    int nlimit;            /* every limit with its worst value so far, valid during the callback */
+    const cn_limit_report *limit;
 } cn_progress;
 
 typedef struct {
