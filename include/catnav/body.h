@@ -35,7 +35,7 @@ typedef struct cn_scatter cn_scatter;
 typedef struct {
     cn_body_model model;
     int nnode, nblock, nturn;
-    int nelement;                      /* what limits name: tetrahedra, a rod's segments, links */
+    int nelement; /* what limits name: tetrahedra, a rod's segments, links, a wall's triangles */
     int nper, *connect;                /* blocks that each element couples               (nelement x nper) */
     double *rest;                      /* rest positions of nodes [m]                    (nnode x 3)    */
     double *mass;                      /* lumped node masses [kg]                        (nnode)        */
@@ -44,7 +44,7 @@ typedef struct {
     double rest_volume;                /* [m^3] */
     double spring;        /* stiffness of elements [N/m], root of the mean square over nodes: for round-off */
     double lever;         /* rod: length that makes moments forces [m]: its mean segment; else 1 */
-    int npoint, ntet;     /* points (tetrahedra: nnode), and the tetrahedra over them */
+    int npoint, ntet;     /* points (tetrahedra: nnode), and the tetrahedra over them (walls: none) */
     double *point;        /* their rest positions [m]; tetrahedra: `rest`   (npoint x 3)   */
     int *tet;             /* point indices, positive volume                 (ntet x 4)     */
     int *mid;             /* tet10: amid 01 12 20 03 13 23 (as VTK)         (ntet x 6)     */
@@ -114,6 +114,21 @@ typedef struct {
 cn_status cn_body_new_molecules(cn_body **out, const cn_surface *surface, const cn_molecules_spec *spec,
                                 unsigned seed, const cn_material *material, cn_error *error);
 
+/* A deformable vessel wall (spec->model membrane or shell): nodes are the surface's vertices, elements its
+ * triangles, of uniform thickness, each node on springs foundation * area in all three directions. Strain is
+ * small and about the rest shape, so the stiffness is constant, the same for every cn_tangent, positive
+ * semidefinite, and a wall is active as a whole (nactive is not read). What that costs: a part that turns by
+ * an angle a shows a strain of 1 - cos a, about a^2 / 2. A membrane has plane stress alone; a shell bends
+ * too, without rotational unknowns: rims turn freely, also where their positions are held. The surface is
+ * copied, its vertices merged by the caller (cn_surface_check), wound either way; a vertex of no triangle
+ * stays where it is. CN_ERR_ARG: thickness, young, poisson, density or foundation out of range, the value
+ * named; CN_ERR_MESH: a triangle without area (<= 1e-14 of the mean), a vertex that is not finite, in a shell
+ * an edge of three triangles. */
+cn_status cn_body_new_wall(cn_body **out, const cn_surface *surface, const cn_wall_spec *spec,
+                           cn_error *error);
+/* Which of a wall's vertices lie on rims: edges of one triangle. on_rim (nnode) becomes 1 or 0. */
+void cn_body_wall_rims(const cn_body *body, unsigned char *on_rim);
+
 /* All elements whose nodes have index < nactive take part (a catheter's sheathed end does not: its nodes come
  * last). `rotation` (nturn x 4) starts as cn_body_rotation_start leaves it: identities, a rod's rest frames.
  */
@@ -157,8 +172,11 @@ typedef struct {
  * of molecules); inverted: whose frame neighbours span the other way round.
  * Of an element: tet4 its own; tet10 volume by integration, the largest stress of its integration points; rod
  * by its section strains: volume (1 - 2 nu) |strain| of the outermost fibre (mean: of the axis), von Mises of
- * fibre stress and twist's shear. von_mises (ntet, may be NULL) [Pa]: of a rod, what its section has at each
- * tetrahedron's centre. Inactive elements count as at rest. Allocates nothing. */
+ * fibre stress and twist's shear; wall volume change (1 - 2 nu) / (1 - nu) (e_xx + e_yy) in its plane, the
+ * thickness following in plane stress, von Mises of plane stress, both at the worse face where a shell bends
+ * (mean volume: amid its thickness), energy with the foundation's. von_mises (ntet, may be NULL) [Pa]: of a
+ * rod, what its section has at each tetrahedron's centre; of a wall (nelement). Inactive elements count as at
+ * rest. Allocates nothing. */
 void cn_body_measure(const cn_body *body, int nactive, const double *x, double *rotation, bool with_stress,
                      cn_measures *measures, double *von_mises, struct cn_pool *pool);
 

@@ -19,7 +19,7 @@ typedef struct {
     const cn_body *body;     /* topology: npoint, point (at rest), tet, mid, boundary */
     int nactive;             /* points out of the sheath */
     const double *x;         /* positions of the points [m] (npoint x 3) */
-    const double *von_mises; /* per tetrahedron [Pa] (ntet) */
+    const double *von_mises; /* as cn_body_measure fills it [Pa] */
     double stress_limit;     /* its limit [Pa], INFINITY: none */
 } cn_frame_body;
 
