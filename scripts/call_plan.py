@@ -36,6 +36,8 @@ def main():
     points = list(body.get('waypoints') or [])
     if 'catheter' in body['shape']:
         points.insert(0, body['shape']['catheter'].get('entry', [0, 0, 0]))
+    elif points:
+        points.insert(0, points[0])  # stands for where the body lies
     request = PlanCatheterRequest(seed=scene.get('seed', 1), waypoints=[Point(*map(float, p)) for p in points])
     request.scene = '' if sent else os.path.basename(options.scene)
     answer = rospy.ServiceProxy('/catnav/plan', PlanCatheter)(request)

@@ -1,4 +1,5 @@
-/* body.h - a deformable body of tetrahedra: elastic energy, force, stiffness, and what limits measure.
+/* body.h - a deformable body of tetrahedra, a rod, or molecules: elastic energy, force, stiffness, and what
+ * limits measure.
  *
  * cn_body does not change in a run; every later call takes it const, so threads share it. What changes is
  * the caller's x. SI units; node i lies at x[3*i .. 3*i+2]; forces act ON the nodes: f = -dE/dx.
@@ -34,7 +35,7 @@ typedef struct cn_scatter cn_scatter;
 typedef struct {
     cn_body_model model;
     int nnode, nblock, nturn;
-    int nelement;                      /* what limits name: tetrahedra, a rod's segments */
+    int nelement; /* what limits name: tetrahedra, a rod's segments, links, a wall's triangles */
     int nper, *connect;                /* blocks that each element couples               (nelement x nper) */
     double *rest;                      /* rest positions of nodes [m]                    (nnode x 3)    */
     double *mass;                      /* lumped node masses [kg]                        (nnode)        */
@@ -43,11 +44,15 @@ typedef struct {
     double rest_volume;                /* [m^3] */
     double spring;        /* stiffness of elements [N/m], root of the mean square over nodes: for round-off */
     double lever;         /* rod: length that makes moments forces [m]: its mean segment; else 1 */
-    int npoint, ntet;     /* points (tetrahedra: nnode), and the tetrahedra over them */
+    int npoint, ntet;     /* points (tetrahedra: nnode), and the tetrahedra over them (walls: none) */
     double *point;        /* their rest positions [m]; tetrahedra: `rest`   (npoint x 3)   */
     int *tet;             /* point indices, positive volume                 (ntet x 4)     */
     int *mid;             /* tet10: amid 01 12 20 03 13 23 (as VTK)         (ntet x 6)     */
     cn_surface *boundary; /* outward triangles over the points (vert is NULL); tet10: four a face */
+    int nanchor;          /* molecules: anchors of a point, which lies at sum weight x(anchor); else 0 */
+    int *anchor;          /* the nearest to the point first             (npoint x nanchor) */
+    double *weight;       /* their sum 1                                (npoint x nanchor) */
+    int ncouple, *couple; /* blocks besides connect that a triangle of the boundary couples (ncouple x 2) */
     const struct cn_body_methods *methods; /* of the model (private) */
     /* of tetrahedra */
     double *shape_grad;              /* tet4: gradients of the shape functions [1/m] (ntet x 4 x 3) */
@@ -94,6 +99,36 @@ cn_status cn_body_new_rod(cn_body **out, int nnode, const double *axis, const do
                           const cn_section *section, const cn_tets *skin, const int *ride,
                           const cn_material *material, cn_error *error);
 
+/* How molecules fill a shape: on a lattice in which neighbours touch, or from a file (molecules.h). */
+typedef struct {
+    double radius;    /* [m] */
+    bool jittered;    /* moved at random from their sites, by at most 0.1 radius */
+    const char *file; /* a molecule a line, x y z [m] or x y z r; NULL: packed */
+} cn_molecules_spec;
+/* Molecules, joined to their neighbours by springs, in a closed surface, which is checked, copied and becomes
+ * the boundary, its vertices the points: each hangs on four near molecules, by weights that carry any affine
+ * motion exactly. Mass is density times the surface's volume, shared out. surface NULL, with a file: the
+ * spheres' own volume, and the points are the molecules, without triangles. Springs along links give Young's
+ * modulus as asked and Poisson's ratio 1/4, whatever the material's (said in a log message). Errors as of
+ * cn_body_new; also of the surface (mesh.h), the file, a radius that is too large or too small. */
+cn_status cn_body_new_molecules(cn_body **out, const cn_surface *surface, const cn_molecules_spec *spec,
+                                unsigned seed, const cn_material *material, cn_error *error);
+
+/* A deformable vessel wall (spec->model membrane or shell): nodes are the surface's vertices, elements its
+ * triangles, of uniform thickness, each node on springs foundation * area in all three directions. Strain is
+ * small and about the rest shape, so the stiffness is constant, the same for every cn_tangent, positive
+ * semidefinite, and a wall is active as a whole (nactive is not read). What that costs: a part that turns by
+ * an angle a shows a strain of 1 - cos a, about a^2 / 2. A membrane has plane stress alone; a shell bends
+ * too, without rotational unknowns: rims turn freely, also where their positions are held. The surface is
+ * copied, its vertices merged by the caller (cn_surface_check), wound either way; a vertex of no triangle
+ * stays where it is. CN_ERR_ARG: thickness, young, poisson, density or foundation out of range, the value
+ * named; CN_ERR_MESH: a triangle without area (<= 1e-14 of the mean), a vertex that is not finite, in a shell
+ * an edge of three triangles. */
+cn_status cn_body_new_wall(cn_body **out, const cn_surface *surface, const cn_wall_spec *spec,
+                           cn_error *error);
+/* Which of a wall's vertices lie on rims: edges of one triangle. on_rim (nnode) becomes 1 or 0. */
+void cn_body_wall_rims(const cn_body *body, unsigned char *on_rim);
+
 /* All elements whose nodes have index < nactive take part (a catheter's sheathed end does not: its nodes come
  * last). `rotation` (nturn x 4) starts as cn_body_rotation_start leaves it: identities, a rod's rest frames.
  */
@@ -131,10 +166,17 @@ typedef struct {
     int inverted;  /* elements with V <= 0 (tet10: at any integration point) */
     double volume; /* now [m^3] */
 } cn_measures;
-/* Of an element: tet4 its own; tet10 volume by integration, the largest stress of its integration points; rod
+/* Of molecules: `volume` is the strain |l / L - 1| of links (the largest, and |mean(l/L - 1)|: a uniform change
+ * of volume is three times as large), the volume now by the trace of strain that links show at each molecule;
+ * stress is a molecule's, von Mises of the virial sum_j f d' / (2 V), named by its most stretched link (mean:
+ * of molecules); inverted: whose frame neighbours span the other way round.
+ * Of an element: tet4 its own; tet10 volume by integration, the largest stress of its integration points; rod
  * by its section strains: volume (1 - 2 nu) |strain| of the outermost fibre (mean: of the axis), von Mises of
- * fibre stress and twist's shear. von_mises (ntet, may be NULL) [Pa]: of a rod, what its section has at each
- * tetrahedron's centre. Inactive elements count as at rest. Allocates nothing. */
+ * fibre stress and twist's shear; wall volume change (1 - 2 nu) / (1 - nu) (e_xx + e_yy) in its plane, the
+ * thickness following in plane stress, von Mises of plane stress, both at the worse face where a shell bends
+ * (mean volume: amid its thickness), energy with the foundation's. von_mises (ntet, may be NULL) [Pa]: of a
+ * rod, what its section has at each tetrahedron's centre; of a wall (nelement). Inactive elements count as at
+ * rest. Allocates nothing. */
 void cn_body_measure(const cn_body *body, int nactive, const double *x, double *rotation, bool with_stress,
                      cn_measures *measures, double *von_mises, struct cn_pool *pool);
 
@@ -145,11 +187,15 @@ const double *cn_body_points(const cn_body *body, int nactive, const double *x, 
 /* Points that belong to the first n nodes, and the node of a point. */
 int cn_body_points_of(const cn_body *body, int n);
 int cn_body_node_of(const cn_body *body, int point);
-/* How points hang on blocks at x: point p moves by d x(block node) + arm d x(block node + nnode). */
+/* How points hang on blocks at x: point p moves by d x(block node) + arm d x(block node + nnode), or, with
+ * nper > 0, by sum_k weight d x(anchor), without arms. */
 typedef struct {
-    const int *node; /* (npoint) */
-    double *arm;     /* 3x3 row-major [m] (npoint x 9), filled by cn_body_carry */
-    int turn;        /* first rotation block: nnode */
+    const int *node;      /* (npoint) */
+    double *arm;          /* 3x3 row-major [m] (npoint x 9), filled by cn_body_carry; NULL with nper > 0 */
+    int turn;             /* first rotation block: nnode */
+    int nper;             /* 0: one node and its arm */
+    const int *anchor;    /* the body's (npoint x nper) */
+    const double *weight; /* the body's (npoint x nper) */
 } cn_carry;
 cn_status cn_carry_new(cn_carry **out, const cn_body *body); /* *out NULL where the points are the nodes */
 void cn_carry_free(cn_carry *carry);

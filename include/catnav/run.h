@@ -19,7 +19,7 @@ typedef struct {
     const cn_body *body;     /* topology: npoint, point (at rest), tet, mid, boundary */
     int nactive;             /* points out of the sheath */
     const double *x;         /* positions of the points [m] (npoint x 3) */
-    const double *von_mises; /* per tetrahedron [Pa] (ntet) */
+    const double *von_mises; /* as cn_body_measure fills it [Pa] */
     double stress_limit;     /* its limit [Pa], INFINITY: none */
 } cn_frame_body;
 
@@ -39,6 +39,8 @@ typedef struct {
     double steps_per_s;
     double margin;         /* to the nearest limit: 1 - worst value/limit; INFINITY: no limit */
     const char *margin_of; /* name of that quantity, "" */
+    int nlimit;            /* every limit with its worst value so far, valid during the callback */
+    const cn_limit_report *limit;
 } cn_progress;
 
 typedef struct {

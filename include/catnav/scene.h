@@ -30,6 +30,7 @@ typedef struct {
     cn_shape_kind kind;
     char *file;             /* resolved against the scene file's folder */
     cn_placement placement; /* any shape or file takes it */
+    double max_volume;      /* of a tetrahedron where a surface is filled [m^3], 0: the mesher's choice */
     struct {
         double length, diameter, inner_diameter;
         double entry[3], direction[3];
@@ -62,8 +63,16 @@ typedef struct {
 } cn_shape;
 
 typedef enum { CN_WALL_RIGID, CN_WALL_MEMBRANE, CN_WALL_SHELL } cn_wall_model;
-/* AUTO: rod for a catheter, tet4 for anything else */
-typedef enum { CN_BODY_AUTO = -1, CN_BODY_TET4, CN_BODY_TET10, CN_BODY_ROD, CN_BODY_MOLECULES } cn_body_model;
+/* AUTO: rod for a catheter, tet4 for anything else; the last two come from a wall's `model:` alone */
+typedef enum {
+    CN_BODY_AUTO = -1,
+    CN_BODY_TET4,
+    CN_BODY_TET10,
+    CN_BODY_ROD,
+    CN_BODY_MOLECULES,
+    CN_BODY_MEMBRANE,
+    CN_BODY_SHELL
+} cn_body_model;
 
 typedef enum {
     CN_QUANTITY_VOLUME,

@@ -76,6 +76,7 @@ void cn_body_free(cn_body *body)
     free(body->rest);
     free(body->mass);
     free(body->inertia);
+    free(body->anchor), free(body->weight), free(body->couple);
     free(body->volume);
     free(body->mu);
     free(body->lambda);
@@ -154,6 +155,7 @@ int cn_body_points_of(const cn_body *body, int n)
 
 int cn_body_node_of(const cn_body *body, int point)
 {
+    if (body->nanchor > 0) return body->anchor[(size_t)point * (size_t)body->nanchor];
     return (int)((long long)point * body->nnode / body->npoint);
 }
 
@@ -163,14 +165,14 @@ cn_status cn_carry_new(cn_carry **out, const cn_body *body)
     if (!body->methods->carry) return CN_OK;
     cn_carry *carry = calloc(1, sizeof *carry);
     int *node = calloc((size_t)body->npoint + 1, sizeof *node);
-    double *arm = calloc((size_t)body->npoint + 1, 9 * sizeof *arm);
-    if (!carry || !node || !arm) {
+    double *arm = body->nanchor ? NULL : calloc((size_t)body->npoint + 1, 9 * sizeof *arm);
+    if (!carry || !node || (!arm && !body->nanchor)) {
         free(carry), free(node), free(arm);
         return CN_ERR_MEMORY;
     }
     for (int p = 0; p < body->npoint; p++)
         node[p] = cn_body_node_of(body, p);
-    *carry = (cn_carry){node, arm, body->nnode};
+    *carry = (cn_carry){node, arm, body->nnode, body->nanchor, body->anchor, body->weight};
     *out = carry;
     return CN_OK;
 }

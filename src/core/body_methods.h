@@ -33,7 +33,7 @@ typedef struct cn_body_methods {
 } cn_body_methods;
 
 /* The models; each is set by its constructor. */
-extern const cn_body_methods cn_body_tet4, cn_body_tet10, cn_body_rod;
+extern const cn_body_methods cn_body_tet4, cn_body_tet10, cn_body_rod, cn_body_molecules, cn_body_wall;
 
 /* body.c, for the constructors: refuses what no model takes, values named. */
 cn_status cn_body_check_material(const cn_material *material, bool has_along, cn_error *error);

@@ -81,45 +81,49 @@ static bool all_finite(size_t n, const double *values)
 cn_status cn_vtu_write(const cn_frame_body *body, const char *path, cn_error *error)
 {
     const cn_body *b = body->body;
-    const size_t npoint = (size_t)b->npoint, ntet = (size_t)b->ntet, width = b->mid ? 10 : 4;
+    const bool wall = b->model == CN_BODY_MEMBRANE || b->model == CN_BODY_SHELL; /* its cells are triangles */
+    const size_t npoint = (size_t)b->npoint, ncell = (size_t)(wall ? b->nelement : b->ntet);
+    const size_t width = b->mid ? 10 : wall ? 3 : 4;
     cn_output output;
     appended a;
     cn_status status = CN_ERR_MEMORY;
     double *displacement = malloc((3 * npoint + 1) * sizeof *displacement);
-    int32_t *offset = malloc((ntet + 1) * sizeof *offset),
-            *corner = malloc((width * ntet + 1) * sizeof *corner);
-    unsigned char *type = malloc(ntet + 1);
+    int32_t *offset = malloc((ncell + 1) * sizeof *offset),
+            *corner = malloc((width * ncell + 1) * sizeof *corner);
+    unsigned char *type = malloc(ncell + 1);
 
     if (!displacement || !offset || !corner || !type) {
         cn_fail(error, status, path, 0, "out of memory while a frame is written");
         goto done;
     }
-    if (!all_finite(3 * npoint, body->x) || (body->von_mises && !all_finite(ntet, body->von_mises))) {
+    if (!all_finite(3 * npoint, body->x) || (body->von_mises && !all_finite(ncell, body->von_mises))) {
         status = cn_fail(error, CN_ERR_NOT_FINITE, path, 0, "%s has a position or stress that is not finite",
                          body->name);
         goto done;
     }
     for (size_t i = 0; i < 3 * npoint; i++)
         displacement[i] = body->x[i] - b->point[i];
-    for (size_t i = 0; i < ntet; i++) {
+    for (size_t i = 0; i < ncell; i++) {
         offset[i] = (int32_t)(width * (i + 1));
-        type[i] = b->mid ? 24 : 10; /* VTK_QUADRATIC_TETRA, VTK_TETRA */
+        type[i] = b->mid ? 24 : wall ? 5 : 10; /* VTK_QUADRATIC_TETRA, VTK_TRIANGLE, VTK_TETRA */
         for (size_t k = 0; k < width; k++)
-            corner[width * i + k] = k < 4 ? b->tet[4 * i + k] : b->mid[6 * i + k - 4];
+            corner[width * i + k] = wall    ? b->boundary->tri[3 * i + k]
+                                    : k < 4 ? b->tet[4 * i + k]
+                                            : b->mid[6 * i + k - 4];
     }
     if ((status = cn_output_open(&output, path, error)) != CN_OK) goto done;
     begin(&a, output.file, "UnstructuredGrid");
-    fprintf(output.file, "<Piece NumberOfPoints=\"%d\" NumberOfCells=\"%d\">\n", b->npoint, b->ntet);
+    fprintf(output.file, "<Piece NumberOfPoints=\"%d\" NumberOfCells=\"%zu\">\n", b->npoint, ncell);
     fputs("<PointData Vectors=\"displacement\">\n", output.file);
     announce(&a, "displacement", "Float64", 3, displacement, 3 * npoint * sizeof(double));
     fputs("</PointData>\n<CellData Scalars=\"stress\">\n", output.file);
-    if (body->von_mises) announce(&a, "stress", "Float64", 1, body->von_mises, ntet * sizeof(double));
+    if (body->von_mises) announce(&a, "stress", "Float64", 1, body->von_mises, ncell * sizeof(double));
     fputs("</CellData>\n<Points>\n", output.file);
     announce(&a, "Points", "Float64", 3, body->x, 3 * npoint * sizeof(double));
     fputs("</Points>\n<Cells>\n", output.file);
-    announce(&a, "connectivity", "Int32", 1, corner, width * ntet * sizeof *corner);
-    announce(&a, "offsets", "Int32", 1, offset, ntet * sizeof *offset);
-    announce(&a, "types", "UInt8", 1, type, ntet);
+    announce(&a, "connectivity", "Int32", 1, corner, width * ncell * sizeof *corner);
+    announce(&a, "offsets", "Int32", 1, offset, ncell * sizeof *offset);
+    announce(&a, "types", "UInt8", 1, type, ncell);
     fputs("</Cells>\n", output.file);
     finish(&a, "UnstructuredGrid");
     status = cn_output_commit(&output, error);

@@ -15,8 +15,8 @@ typedef struct cn_matrix {
     double *value; /* blocks, row-major                               (nblock x 9) */
 } cn_matrix;
 
-/* Pattern: blocks joined by an element of one of the bodies (body b's blocks start at first[b]; only nblock,
- * nelement, nper and connect are read). n = max over b of first[b] + nblock; a block without elements has its
+/* Pattern: blocks joined by an element, or a couple, of one of the bodies (body b's blocks start at first[b];
+ * only nblock, nelement, nper, connect, ncouple and couple are read). n = max over b of first[b] + nblock; a block without elements has its
  * diagonal alone. *out is NULL on failure; CN_ERR_ARG: an index out of range, or more than 2^31 / 9 blocks.
  */
 cn_status cn_matrix_new(cn_matrix **out, int nbody, const cn_body *const *body, const int *first);

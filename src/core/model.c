@@ -51,7 +51,7 @@ static cn_status linear_mesh(cn_tets **out, const cn_shape *shape, cn_error *err
     cn_doctor doctor;
     if (status == CN_OK) status = cn_surface_check(surface, true, &doctor, error);
     if (status == CN_OK) status = cn_doctor_solid(&doctor, shape->file ? shape->file : "shape", error);
-    if (status == CN_OK) status = cn_tets_fill(out, surface, 0, error);
+    if (status == CN_OK) status = cn_tets_fill(out, surface, shape->max_volume, error);
     cn_surface_free(surface);
     return status;
 }

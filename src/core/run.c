@@ -26,6 +26,7 @@ static void stage(cn_run_data *run, cn_stage stage_now, double steps_per_s)
     if (run->state) p.time = run->state->time, p.step = run->state->step;
     p.steps_per_s = steps_per_s;
     p.margin = cn_run_margin(run, &p.margin_of);
+    p.nlimit = run->report->nlimit, p.limit = run->report->limit;
     run->hooks->progress(run->hooks->user, &p);
 }
 
@@ -429,7 +430,7 @@ static void drive_on(cn_run_data *run)
         cn_run_frame(run, run->state, false);
         if (run->visit && !run->visit(run->visitor, run)) return;
         const double now = cn_seconds();
-        if (now - shown > 0.2 || run->report->steps == 1) { /* a short run shows its bar too */
+        if (now - shown > 0.1 || run->report->steps == 1) { /* a short run shows its bar too */
             stage(run, CN_STAGE_MOTION, (run->report->steps - shown_step) / (now - shown));
             shown = now, shown_step = run->report->steps;
         }

@@ -57,7 +57,9 @@ static const cn_key body_shape_keys[] = {
     {"catheter", CN_KEY_MAP,  CN_UNSET | CN_NEEDED, "", ANY, "a straight device made of cross-sections", MAP(catheter_schema), .group = 's', MARK(cn_shape, kind, CN_SHAPE_CATHETER)},
     {"file",     CN_KEY_FILE, CN_UNSET, "../../test/data/scenes/ball.obj", ANY, "tetrahedra (.node with .ele, .msh) or a closed surface, which is filled", AT(cn_shape, file), .group = 's', MARK(cn_shape, kind, CN_SHAPE_FILE)},
     {"beam",     CN_KEY_MAP,  CN_UNSET, "", ANY, "a box of tetrahedra", MAP(beam_schema), .group = 's', MARK(cn_shape, kind, CN_SHAPE_BEAM)},
-    PLACEMENT, {0}};
+    PLACEMENT,
+    {"max_volume", CN_KEY_REAL, 0, "0", 0, INF, "m^3", "of a tetrahedron where a surface is filled; 0: the mesher's choice", AT(cn_shape, max_volume)},
+    {0}};
 static const cn_schema body_shape_schema = {body_shape_keys, NULL};
 
 static const cn_key sphere_keys[] = {

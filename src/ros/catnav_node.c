@@ -1,5 +1,9 @@
-/* catnav_node.c - the process around the node: SIGINT and SIGTERM cancel the plan and end it with 0. */
+/* catnav_node.c - the process around the node: SIGINT and SIGTERM cancel the plan and end it with 0, within a
+ * second also where something that cannot be cut short (a map of the lumen) is under way: files are written
+ * elsewhere and renamed, so that none is left half-written. */
 #include <stdio.h>
+#include <sys/time.h>
+#include <unistd.h>
 #include "node.h"
 
 static volatile sig_atomic_t stop;
@@ -10,9 +14,16 @@ static void on_signal(int number)
     stop = 1;
 }
 
+static void on_late(int number)
+{
+    (void)number;
+    _exit(0);
+}
+
 int main(int argc, char **argv)
 {
-    struct sigaction action = {.sa_handler = on_signal};
+    struct sigaction action = {.sa_handler = on_signal}, late = {.sa_handler = on_late};
+    const struct itimerval patience = {.it_value.tv_usec = 700000};
     cn_error error = {0};
     cn_node *node;
 
@@ -24,6 +35,8 @@ int main(int argc, char **argv)
         return 1;
     }
     cn_node_run(node);
+    sigaction(SIGALRM, &late, NULL);
+    setitimer(ITIMER_REAL, &patience, NULL);
     cn_node_free(node);
     return 0;
 }

@@ -11,7 +11,7 @@ namespace catnav
 static_assert(sizeof(geometry_msgs::Point) == 3 * sizeof(double), "points are packed");
 static_assert(sizeof(shape_msgs::MeshTriangle) == 3 * sizeof(uint32_t), "triangles are packed");
 
-RequestView::RequestView(const PlanCatheter::Request &m) : request()
+template <class M> void RequestView::look(const M &m)
 {
     for (const Limit &l : m.limits)
         limits_.push_back({l.body.c_str(), l.quantity.c_str(), l.reduce.c_str(), l.limit});
@@ -25,6 +25,9 @@ RequestView::RequestView(const PlanCatheter::Request &m) : request()
     request.budget = m.budget;
     request.seed = m.seed;
 }
+
+template void RequestView::look(const PlanCatheter::Request &);
+template void RequestView::look(const PlanCatheterGoal &);
 
 cn_ros_mesh view(const SurfaceMesh &m)
 {
@@ -81,6 +84,60 @@ nav_msgs::Path toMessage(const cn_path &path)
         pose.position = point(path.x + 3 * i);
         pose.orientation.x = q.x(), pose.orientation.y = q.y(), pose.orientation.z = q.z();
         pose.orientation.w = q.w();
+    }
+    return m;
+}
+
+template <class M> static void answerTo(const cn_ros_answer &answer, M &m)
+{
+    m.verdict = toMessage(answer.report.verdict);
+    if (answer.path) m.path = toMessage(*answer.path);
+    m.path.header.frame_id = answer.frame;
+    m.path.header.stamp = ros::Time::now();
+    for (auto &pose : m.path.poses)
+        pose.header = m.path.header;
+    m.steps = uint32_t(answer.report.steps);
+    m.replans = uint32_t(answer.report.replans);
+    m.gap_min = finite(answer.report.contact.gap_min);
+    if (answer.json) m.report_json = answer.json;
+}
+void toMessage(const cn_ros_answer &answer, PlanCatheter::Response &message)
+{
+    answerTo(answer, message);
+}
+void toMessage(const cn_ros_answer &answer, PlanCatheterResult &message)
+{
+    answerTo(answer, message);
+}
+
+PlanCatheterFeedback feedback(const cn_progress &p, const char *stage, double real_time_factor, int nmargin,
+                              const cn_ros_margin *margin)
+{
+    PlanCatheterFeedback m;
+    m.stage = uint8_t(p.stage);
+    m.stage_name = stage;
+    m.waypoint = p.waypoint, m.waypoints = p.nwaypoint;
+    m.step = uint32_t(p.step);
+    m.time = p.time, m.time_limit = finite(p.time_limit);
+    m.steps_per_second = finite(p.steps_per_s), m.real_time_factor = finite(real_time_factor);
+    m.replans = uint32_t(p.replans);
+    m.margin = std::isfinite(p.margin) ? p.margin : 1;
+    m.margin_of = p.margin_of;
+    for (int i = 0; i < nmargin; i++) {
+        Margin one;
+        const bool least = margin[i].limit.quantity == CN_QUANTITY_CLEARANCE;
+        const double limit = margin[i].limit.limit, worst = margin[i].worst;
+        one.body = margin[i].body;
+        one.quantity = cn_quantity_name(margin[i].limit.quantity);
+        one.reduce = margin[i].limit.reduce == CN_REDUCE_MEAN ? "mean" : "max";
+        one.limit = limit;
+        one.worst = finite(worst);
+        one.margin = 1;
+        if (std::isfinite(worst)) {
+            const double ratio = least ? limit / worst : worst / limit;
+            one.margin = std::isfinite(ratio) ? 1 - ratio : limit > 0 ? 1 : 0;
+        }
+        m.margins.push_back(one);
     }
     return m;
 }

@@ -1,4 +1,4 @@
-/* node.c - one plan at a time, from request to answer, and the node's life. */
+/* node.c - the node's life: parameters, doors, threads. */
 #include "node.h"
 
 #include <math.h>
@@ -9,192 +9,10 @@
 #include <unistd.h>
 #include "node_parts.h"
 
-#define MESH_WAIT 2.0 /* a mesh whose sender is there may still be on its way this long [s] */
-
-static const char *const own_params[] = {"scene", "scene_dir", "frame_rate", "frame_id", NULL};
-
-static void nap(double seconds)
-{
-    const struct timespec t = {.tv_nsec = (long)(seconds * 1e9)};
-    nanosleep(&t, NULL);
-}
-
-/* What an answer needs from the plan under way. */
-typedef struct {
-    cn_node *node;
-    cn_path *path; /* the device's last */
-} run;
-
-static bool run_wants_frame(void *user, int step)
-{
-    return wants_frame(((run *)user)->node, step);
-}
-static void run_frame(void *user, const cn_frame *frame)
-{
-    show_frame(((run *)user)->node, frame);
-}
-
-static void run_progress(void *user, const cn_progress *progress)
-{
-    cn_node *node = ((run *)user)->node;
-    pthread_mutex_lock(&node->lock);
-    node->progress = *progress;
-    pthread_mutex_unlock(&node->lock);
-}
-
-static void run_path(void *user, int body, const cn_path *path, const cn_roadmap *roadmap)
-{
-    run *r = user;
-    if (roadmap) cn_ros_send_roadmap(r->node->ros, r->node->run_frame, (unsigned)body, roadmap);
-    if (body != 0 || !path) return;
-    cn_ros_send_path(r->node->ros, r->node->run_frame, path);
-    cn_path_free(r->path);
-    if (cn_path_copy(&r->path, path) != CN_OK) r->path = NULL;
-}
-
-static void answer_with(cn_report *report, const cn_scene *scene, cn_verdict_code code, const cn_error *error)
-{
-    cn_report_refused(report, scene, error);
-    report->verdict.code = code;
-}
-
-/* Answers one request in a stage that is this plan's. */
-static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cn_ros_answer *answer)
-{
-    const cn_run_hooks base = {.wants_frame = run_wants_frame,
-                               .frame = run_frame,
-                               .progress = run_progress,
-                               .path = run_path,
-                               .cancel = &node->cancel};
-    cn_report *report = &answer->report;
-    cn_request ask = {.nwaypoint = request->nwaypoint,
-                      .waypoint = request->waypoint,
-                      .budget = request->budget,
-                      .seed = &request->seed};
-    run r = {.node = node};
-    cn_run_hooks hooks = base;
-    cn_sampling sampling;
-    cn_error error = {0};
-    overlay limits = {0};
-
-    hooks.user = &r;
-    if (s->frame[0] && request->frame[0] && strcmp(s->frame, request->frame)) {
-        cn_fail(&error, CN_ERR_ARG, "", 0,
-                "waypoints are in frame '%s', the artery mesh in '%s': send both in one frame",
-                request->frame, s->frame);
-        goto refused;
-    }
-    if (!(request->budget >= 0 && request->budget < INFINITY)) {
-        cn_fail(&error, CN_ERR_ARG, "", 0, "budget is %g s: expected 0 or more", request->budget);
-        goto refused;
-    }
-    if (s->scene->nbody == 0) {
-        cn_fail(&error, CN_ERR_SCENE, s->scene->path, 0, "scene '%s' has no body to plan for",
-                s->scene->name);
-        goto refused;
-    }
-    if (request->nwaypoint < 2) { /* where they lie is cn_run's to judge */
-        cn_fail(&error, CN_ERR_ARG, "", 0, "%d waypoints: at least two are needed, the entry and a target",
-                request->nwaypoint);
-        goto refused;
-    }
-    if (request->sampling[0]) {
-        if (sampling_of(request->sampling, &sampling, &error) != CN_OK) goto refused;
-        ask.sampling = &sampling;
-    }
-    if (overlay_new(&limits, s->scene, request, &error) != CN_OK) goto refused;
-    ask.nlimit = limits.ndevice, ask.limit = limits.device;
-
-    cn_ros_forget_bodies(node->ros);
-    if (cn_run(s->world, &ask, cn_ompl_planner, node->threads, &hooks, report, &error) != CN_OK &&
-        report->verdict.code == CN_VERDICT_UNKNOWN)
-        answer_with(report, s->scene, error.status == CN_ERR_ARG ? CN_VERDICT_BAD_INPUT : CN_VERDICT_NUMERICS,
-                    &error);
-    answer->path = r.path;
-    forget_shown(node);
-    overlay_end(&limits);
-    return;
-refused:
-    overlay_end(&limits);
-    answer_with(report, s->scene, CN_VERDICT_BAD_INPUT, &error);
-}
-
-/* The stage in force, after a mesh that is on its way has come and been checked; NULL: there is none. */
-static stage *await_stage(cn_node *node)
-{
-    const double start = wall_clock();
-    for (;;) {
-        pthread_mutex_lock(&node->lock);
-        const bool checking = node->checking, known = node->stage || node->refusal[0];
-        pthread_mutex_unlock(&node->lock);
-        const bool coming = !known && cn_ros_mesh_senders(node->ros) && wall_clock() - start < MESH_WAIT;
-        if (node->cancel || (!checking && !coming)) return stage_take(node);
-        nap(0.01);
-    }
-}
-
-/* A stage for a request: the node's own, or a scene's inside ~scene_dir with its own vessels. */
-static stage *stage_for(cn_node *node, const cn_ros_request *request, cn_ros_answer *answer)
-{
-    char file[PATH_MAX];
-    cn_error error = {0};
-    cn_verdict_code code = CN_VERDICT_BAD_INPUT;
-    stage *s = NULL;
-
-    if (request->scene[0]) {
-        if (scene_inside(node, request->scene, file, &error) == CN_OK &&
-            stage_new(&s, node, file, 0, NULL, "", &error) == CN_OK)
-            stage_show(node, s, answer->frame);
-    } else if (!(s = await_stage(node))) {
-        pthread_mutex_lock(&node->lock);
-        if (node->refusal[0]) {
-            cn_fail(&error, CN_ERR_MESH, "", 0, "%s", node->refusal);
-        } else {
-            cn_fail(&error, CN_ERR_MESH, "", 0, "no artery mesh yet: send one on ~artery_mesh");
-            code = CN_VERDICT_NO_ARTERY;
-        }
-        pthread_mutex_unlock(&node->lock);
-    }
-    if (!s) answer_with(&answer->report, NULL, code, &error);
-    return s;
-}
-
-static void on_plan(void *user, const cn_ros_request *request, cn_ros_answer *answer)
-{
-    cn_node *node = user;
-    cn_verdict *verdict = &answer->report.verdict;
-
-    snprintf(answer->frame, sizeof answer->frame, "%s", request->frame[0] ? request->frame : node->frame);
-    pthread_mutex_lock(&node->lock);
-    const bool busy = node->planning;
-    node->planning = true;
-    pthread_mutex_unlock(&node->lock);
-    if (busy) {
-        cn_error error = {0};
-        cn_fail(&error, CN_ERR_ARG, "", 0,
-                "another plan is running: one runs at a time, ask again when it has ended");
-        answer_with(&answer->report, NULL, CN_VERDICT_BUSY, &error);
-        return;
-    }
-
-    stage *s = stage_for(node, request, answer);
-    if (s) {
-        snprintf(node->run_frame, sizeof node->run_frame, "%s", answer->frame);
-        plan_in(node, s, request, answer);
-        stage_drop(node, s);
-    }
-
-    pthread_mutex_lock(&node->lock);
-    if (s && node->refusal[0] && !request->scene[0]) { /* the answer is for an older mesh: say so */
-        const size_t used = strlen(verdict->message);
-        snprintf(verdict->message + used, sizeof verdict->message - used,
-                 " (on the last good artery mesh; later: %.400s)", node->refusal);
-    }
-    snprintf(node->verdict, sizeof node->verdict, "%s", cn_verdict_name(verdict->code));
-    node->planning = false;
-    pthread_mutex_unlock(&node->lock);
-    CN_LOG(CN_LOG_INFO, "%s: %s", cn_verdict_name(verdict->code), verdict->message);
-}
+/* Parameters that are the node's, not the scene's; what ends with a dot stands for all that is below it. */
+static const char *const own_params[] = {"scene",        "scene_dir",  "frame_rate", "frame_id",
+                                         "on_busy",      "queue_size", "settings.",  "diagnostic_period",
+                                         "plan_action.", NULL};
 
 /* --- life --- */
 
@@ -204,10 +22,26 @@ static void log_to_ros(void *user, cn_log_level level, const char *file, int lin
     cn_ros_log(level, file, line, text);
 }
 
+/* ~on_busy and ~queue_size: what becomes of a call while another is open. */
+static cn_status read_queue(cn_node *node, cn_error *error)
+{
+    char on_busy[32];
+    cn_ros_text(node->ros, "on_busy", "refuse", on_busy, sizeof on_busy);
+    const double size = cn_ros_number(node->ros, "queue_size", 8);
+    if (strcmp(on_busy, "refuse") && strcmp(on_busy, "queue"))
+        return cn_fail(error, CN_ERR_ARG, "", 0, "~on_busy is '%s': expected refuse or queue", on_busy);
+    if (!(size >= 1 && size <= QUEUE_MOST))
+        return cn_fail(error, CN_ERR_ARG, "", 0, "~queue_size is %g: expected 1 to %d calls", size,
+                       QUEUE_MOST);
+    node->queue = strcmp(on_busy, "queue") ? 0 : (int)size;
+    return CN_OK;
+}
+
 cn_status cn_node_new(cn_node **out, int argc, char **argv, const volatile sig_atomic_t *stop,
                       cn_error *error)
 {
-    const cn_ros_handlers handlers = {.mesh = on_mesh, .plan = on_plan, .tick = on_tick};
+    const cn_ros_handlers handlers = {
+        .mesh = on_mesh, .plan = on_plan, .cancel = on_cancel, .tick = on_tick, .feedback = on_feedback};
     cn_ros_handlers bound = handlers;
     cn_node *node;
     cn_status status;
@@ -215,6 +49,7 @@ cn_status cn_node_new(cn_node **out, int argc, char **argv, const volatile sig_a
     *out = NULL;
     if (!(node = calloc(1, sizeof *node))) return cn_fail(error, CN_ERR_MEMORY, "", 0, "out of memory");
     pthread_mutex_init(&node->lock, NULL);
+    pthread_cond_init(&node->called, NULL);
     node->stop = stop;
     const long cpus = sysconf(_SC_NPROCESSORS_ONLN);
     node->threads = cpus > 1 ? (int)cpus : 1;
@@ -231,12 +66,14 @@ cn_status cn_node_new(cn_node **out, int argc, char **argv, const volatile sig_a
         goto fail;
     }
     node->frame_period = 1 / rate;
+    if ((status = read_queue(node, error)) != CN_OK) goto fail;
     if ((status = cn_ros_settings(node->ros, own_params, &node->nsetting, &node->setting)) != CN_OK)
         goto fail;
 
     bound.user = node;
     node->checking = 1; /* the scene itself, by stage_first */
-    if ((status = cn_ros_start(node->ros, &bound, error)) != CN_OK) goto fail;
+    if ((status = queue_start(node)) != CN_OK) goto fail;
+    if ((status = cn_ros_start(node->ros, &bound, node->queue, error)) != CN_OK) goto fail;
     stage_first(node);
     *out = node;
     return CN_OK;
@@ -247,19 +84,21 @@ fail:
 
 void cn_node_run(cn_node *node)
 {
+    const struct timespec nap = {.tv_nsec = 20000000};
     while (!*node->stop && cn_ros_ok(node->ros))
-        nap(0.02);
+        nanosleep(&nap, NULL);
 }
 
 void cn_node_free(cn_node *node)
 {
     if (!node) return;
-    node->cancel = 1;
-    cn_ros_free(node->ros); /* waits for the plan under way, which ends at its next step */
+    queue_stop(node); /* waits for the plan under way, which ends at its next step */
+    cn_ros_free(node->ros);
     cn_log_set_sink(NULL, NULL);
     stage_free(node->stage);
     meshes_free(node->nmesh, node->mesh);
     cn_ros_settings_free(node->nsetting, node->setting);
+    pthread_cond_destroy(&node->called);
     pthread_mutex_destroy(&node->lock);
     free(node);
 }

@@ -1,9 +1,9 @@
 /* node_parts.h - what the node's files share.
  *
- * Threads: meshes come one at a time, plan requests several at once, both on threads of roscpp's; the plan
- * under way runs on the thread that brought it. `lock` guards what they share; a stage (scene and world) is
- * const once it is in force and lives as long as somebody uses it, so a new mesh never disturbs a running
- * plan. */
+ * Threads: meshes come one at a time, calls several at once, both on threads of roscpp's; one thread of the
+ * node's own works the calls off, one after the other: it alone runs plans. `lock` guards what they share and
+ * is never held while ROS is called; a stage (scene and world) is const once it is in force and lives as long
+ * as somebody uses it, so a new mesh never disturbs a running plan. */
 #ifndef CN_NODE_PARTS_H
 #define CN_NODE_PARTS_H
 
@@ -29,6 +29,14 @@ typedef struct {
     double highest; /* so far [Pa]: the colour scale where there is no limit */
 } shown;
 
+/* A call on its way to its answer. */
+typedef struct {
+    cn_ros_call call;
+    const cn_ros_request *request;
+} ticket;
+
+enum { QUEUE_MOST = 64, MARGINS_MOST = 32 };
+
 struct cn_node {
     cn_ros *ros;
     const volatile sig_atomic_t *stop;
@@ -39,13 +47,24 @@ struct cn_node {
     int nsetting;
     cn_setting *setting;
 
+    pthread_t worker;
+    bool working; /* the thread is there */
     pthread_mutex_t lock;
-    stage *stage;       /* in force for plans without a scene of their own; NULL: none yet */
-    int checking;       /* meshes and scenes being checked */
+    stage *stage; /* in force for plans without a scene of their own; NULL: none yet */
+    int checking; /* meshes and scenes being checked */
+    pthread_cond_t called;
+    bool leaving;      /* no call is taken any more */
+    int nqueue, queue; /* calls that wait; most of them: 0 where a call is refused while another is open */
+    ticket waiting[QUEUE_MOST];
+    ticket now;         /* worked on */
+    bool open;          /* and not yet answered */
+    bool preparing;     /* its scene and map are made, which nothing can cut short */
     char refusal[1024]; /* why the last mesh or the scene was refused, "" when it was not */
-    bool planning;
     int frames_sent, frames_dropped, frames_tick; /* frames_tick: sent up to the last tick */
-    cn_progress progress;
+    cn_progress progress;                         /* of the call worked on */
+    double progress_at, real_time_factor;
+    int nmargin;
+    cn_ros_margin margin[MARGINS_MOST];
     char verdict[32];
 
     /* of the mesh callback alone */
@@ -92,6 +111,20 @@ typedef struct {
 } overlay;
 cn_status overlay_new(overlay *o, cn_scene *scene, const cn_ros_request *request, cn_error *error);
 void overlay_end(overlay *o); /* the scene is as it was */
+
+/* --- node_queue.c: calls, one after the other --- */
+cn_status queue_start(cn_node *node);
+void queue_stop(cn_node *node); /* every call is answered; waits for the one worked on */
+void on_plan(void *node, cn_ros_call call, const cn_ros_request *request);
+void on_cancel(void *node, cn_ros_call call);
+void on_feedback(void *node);
+
+/* --- node_plan.c: one call, from its request to its answer --- */
+void plan_call(cn_node *node, const cn_ros_request *request, cn_ros_answer *answer);
+void answer_with(cn_ros_answer *answer, const cn_scene *scene, cn_verdict_code code, const cn_error *error);
+/* The report as JSON; under `repeat` what the same plan takes: seed, options, versions, checksums. */
+char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *request,
+                  const cn_report *report);
 
 /* --- node_show.c: frames and diagnostics --- */
 bool wants_frame(cn_node *node, int step);

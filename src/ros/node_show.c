@@ -100,7 +100,7 @@ void on_tick(void *user)
     FIGURE("frames sent", "%d", node->frames_sent);
     FIGURE("frames dropped", "%d", node->frames_dropped);
     FIGURE("last verdict", "%s", node->verdict[0] ? node->verdict : "none");
-    FIGURE("steps per second", "%.3g", node->planning ? p->steps_per_s : 0.);
+    FIGURE("steps per second", "%.3g", node->open ? p->steps_per_s : 0.);
     FIGURE("step", "%d", p->step);
     FIGURE("waypoint", "%d of %d", p->waypoint, p->nwaypoint);
     FIGURE("simulated time [s]", "%.6g", p->time);
@@ -111,9 +111,9 @@ void on_tick(void *user)
         snprintf(message, sizeof message, "%s", node->refusal);
     else
         snprintf(message, sizeof message, "%s",
-                 node->planning ? stages[p->stage]
-                 : node->stage  ? "ready"
-                                : "no artery mesh yet");
+                 node->open    ? stages[p->stage]
+                 : node->stage ? "ready"
+                               : "no artery mesh yet");
     pthread_mutex_unlock(&node->lock);
 #undef FIGURE
     cn_ros_send_diagnostics(node->ros, ok, message, n, figure);

@@ -1,126 +1,11 @@
-#include "ros_node.h"
-
-#include <atomic>
+// ros_node.cpp - the node's life in ROS: start, parameters, threads, end.
 #include <cstdlib>
 #include <cstring>
-#include <map>
-#include <memory>
-#include <mutex>
 #include <sstream>
-#include <string>
-#include <diagnostic_msgs/DiagnosticArray.h>
-#include <ros/ros.h>
-#include "convert.h"
+#include <SuiteSparse_config.h>
+#include "ros_parts.h"
 
-namespace
-{
-using visualization_msgs::Marker;
-
-// A latched publisher that keeps a message per id instead of one: each new subscriber is sent them all.
-template <class M> class Latched
-{
-  public:
-    void advertise(ros::NodeHandle &handle, const char *topic)
-    {
-        publisher_ = handle.advertise<M>(topic, 16, [this](const ros::SingleSubscriberPublisher &subscriber) {
-            std::lock_guard<std::mutex> guard(lock_);
-            for (const auto &entry : last_)
-                subscriber.publish(*entry.second);
-        });
-    }
-    void send(const char *frame, unsigned id, M message)
-    {
-        message.header.frame_id = frame;
-        message.header.stamp = ros::Time::now();
-        auto shared = boost::make_shared<const M>(std::move(message));
-        std::lock_guard<std::mutex> guard(lock_);
-        last_[id] = shared;
-        publisher_.publish(shared);
-    }
-    // Forgets all; `remove` turns a message into the one that takes it off the screen.
-    template <class Remove> void forget(Remove remove)
-    {
-        std::lock_guard<std::mutex> guard(lock_);
-        for (const auto &entry : last_)
-            publisher_.publish(remove(*entry.second));
-        last_.clear();
-    }
-    void forget()
-    {
-        std::lock_guard<std::mutex> guard(lock_);
-        last_.clear();
-    }
-
-  private:
-    std::mutex lock_;
-    std::map<unsigned, boost::shared_ptr<const M>> last_;
-    ros::Publisher publisher_;
-};
-
-Marker removed(const Marker &old)
-{
-    Marker m;
-    m.header = old.header;
-    m.ns = old.ns;
-    m.id = old.id;
-    m.action = Marker::DELETE;
-    return m;
-}
-
-// No exception crosses into C: what ROS throws is logged.
-template <class F> void guarded(F call)
-{
-    try {
-        call();
-    } catch (const std::exception &e) {
-        ROS_ERROR("%s", e.what());
-    }
-}
-} // namespace
-
-struct cn_ros {
-    ros::NodeHandle handle{"~"}, global;
-    cn_ros_handlers handlers{};
-    Latched<catnav::MeshTopology> topology;
-    Latched<Marker> artery, roadmap, catheter;
-    Latched<nav_msgs::Path> path;
-    Latched<sensor_msgs::PointCloud2> medial_axis;
-    ros::Publisher state, diagnostics;
-    ros::Subscriber mesh;
-    ros::ServiceServer plan;
-    ros::WallTimer timer;
-    std::unique_ptr<ros::AsyncSpinner> spinner;
-
-    void onMesh(const catnav::SurfaceMesh::ConstPtr &message)
-    {
-        const cn_ros_mesh view = catnav::view(*message);
-        handlers.mesh(handlers.user, &view);
-    }
-    bool onPlan(catnav::PlanCatheter::Request &request, catnav::PlanCatheter::Response &response)
-    {
-        const catnav::RequestView view(request);
-        cn_ros_answer answer{};
-        handlers.plan(handlers.user, &view.request, &answer);
-
-        response.verdict = catnav::toMessage(answer.report.verdict);
-        if (answer.path) response.path = catnav::toMessage(*answer.path);
-        response.path.header.frame_id = answer.frame;
-        response.path.header.stamp = ros::Time::now();
-        for (auto &pose : response.path.poses)
-            pose.header = response.path.header;
-        response.steps = uint32_t(answer.report.steps);
-        response.replans = uint32_t(answer.report.replans);
-        const double gap = answer.report.contact.gap_min;
-        response.gap_min = std::isfinite(gap) ? gap : 0;
-        if (char *json = cn_report_json(&answer.report)) {
-            response.report_json = json;
-            free(json);
-        }
-        cn_path_free(answer.path);
-        cn_report_clear(&answer.report);
-        return true;
-    }
-};
+using catnav::guarded;
 
 cn_status cn_ros_new(cn_ros **out, int argc, char **argv, const char *name, const volatile sig_atomic_t *stop,
                      cn_error *error)
@@ -140,25 +25,25 @@ cn_status cn_ros_new(cn_ros **out, int argc, char **argv, const char *name, cons
     }
 }
 
-cn_status cn_ros_start(cn_ros *ros, const cn_ros_handlers *handlers, cn_error *error)
+cn_status cn_ros_start(cn_ros *ros, const cn_ros_handlers *handlers, int waiting, cn_error *error)
 {
     try {
         auto &h = ros->handle;
         ros->handlers = *handlers;
-        ros->topology.advertise(h, "catheter_topology");
-        ros->catheter.advertise(h, "catheter_marker");
-        ros->artery.advertise(h, "artery_marker");
-        ros->roadmap.advertise(h, "roadmap_marker");
-        ros->path.advertise(h, "path");
-        ros->medial_axis.advertise(h, "medial_axis");
-        ros->state = h.advertise<catnav::MeshState>("catheter_mesh", 64);
-        ros->diagnostics = ros->global.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 8);
-        ros->timer = h.createWallTimer(ros::WallDuration(1), [ros](const ros::WallTimerEvent &) {
+        advertiseShow(ros);
+        ros->tick = h.createWallTimer(ros::WallDuration(1), [ros](const ros::WallTimerEvent &) {
             ros->handlers.tick(ros->handlers.user);
         });
-        ros->mesh = h.subscribe("artery_mesh", 8, &cn_ros::onMesh, ros);
-        ros->plan = h.advertiseService("plan", &cn_ros::onPlan, ros);
-        ros->spinner = std::make_unique<ros::AsyncSpinner>(4); // one may plan, one check a mesh, two answer
+        ros->feedback = h.createWallTimer(ros::WallDuration(0.1), [ros](const ros::WallTimerEvent &) {
+            ros->handlers.feedback(ros->handlers.user);
+        });
+        ros->plan.reset(newPlanDoor(ros, waiting));
+        ros->mesh = h.subscribe<catnav::SurfaceMesh>("artery_mesh", 8,
+                                                     [ros](const catnav::SurfaceMesh::ConstPtr &message) {
+                                                         const cn_ros_mesh view = catnav::view(*message);
+                                                         ros->handlers.mesh(ros->handlers.user, &view);
+                                                     });
+        ros->spinner = std::make_unique<ros::AsyncSpinner>(4); // one may check a mesh, one sends frames
         ros->spinner->start();
         return CN_OK;
     } catch (const std::exception &e) {
@@ -179,6 +64,7 @@ void cn_ros_free(cn_ros *ros)
 {
     if (!ros) return;
     guarded([&] {
+        if (ros->plan) stopPlanDoor(*ros->plan);
         if (ros->spinner) ros->spinner->stop();
         ros::WallDuration(0.1).sleep(); // roscpp writes the last answer from a thread of its own
         ros::shutdown();
@@ -271,8 +157,12 @@ cn_status cn_ros_settings(const cn_ros *ros, const char *const *except, int *n, 
         XmlRpc::XmlRpcValue value;
         if (ros->global.getParam(ros->handle.getNamespace(), value)) flatten("", value, all);
     });
-    for (; *except; except++)
-        all.erase(*except);
+    for (; *except; except++) {
+        const std::string name = *except;
+        for (auto i = all.begin(); i != all.end();)
+            i = name.back() == '.' ? (i->first.compare(0, name.size(), name) ? std::next(i) : all.erase(i))
+                                   : (i->first == name ? all.erase(i) : std::next(i));
+    }
     all.erase("");
 
     *n = 0;
@@ -300,90 +190,17 @@ void cn_ros_settings_free(int n, cn_setting *setting)
     free(setting);
 }
 
-void cn_ros_send_topology(cn_ros *ros, const char *frame, const char *name, unsigned id, int ntet,
-                          const int *tet, int ntri, const int *tri)
+const cn_ros_version *cn_ros_versions(void)
 {
-    guarded([&] { ros->topology.send(frame, id, catnav::topology(name, id, ntet, tet, ntri, tri)); });
-}
-
-void cn_ros_send_state(cn_ros *ros, const char *frame, unsigned id, int step, double time, int nvert,
-                       const double *x, const float *stress)
-{
-    guarded([&] {
-        auto message = catnav::state(id, step, time, nvert, x, stress);
-        message.header.frame_id = frame;
-        message.header.stamp = ros::Time::now();
-        ros->state.publish(message);
-    });
-}
-
-void cn_ros_send_catheter(cn_ros *ros, const char *frame, const char *name, unsigned id, int nactive,
-                          int ntri, const int *tri, const double *x, const float *stress, double full)
-{
-    guarded([&] {
-        ros->catheter.send(frame, id, catnav::catheterMarker(name, id, nactive, ntri, tri, x, stress, full));
-    });
-}
-
-void cn_ros_send_artery(cn_ros *ros, const char *frame, const char *name, unsigned id,
-                        const cn_surface *surface)
-{
-    guarded([&] { ros->artery.send(frame, id, catnav::arteryMarker(name, id, *surface)); });
-}
-
-void cn_ros_send_roadmap(cn_ros *ros, const char *frame, unsigned id, const cn_roadmap *roadmap)
-{
-    if (roadmap->nedge > 0)
-        guarded([&] { ros->roadmap.send(frame, id, catnav::roadmapMarker(id, *roadmap)); });
-}
-
-void cn_ros_send_path(cn_ros *ros, const char *frame, const cn_path *path)
-{
-    guarded([&] { ros->path.send(frame, 0, catnav::toMessage(*path)); });
-}
-
-void cn_ros_send_medial_axis(cn_ros *ros, const char *frame, int n, const double *x, const double *clearance)
-{
-    guarded([&] { ros->medial_axis.send(frame, 0, catnav::cloud(n, x, clearance)); });
-}
-
-void cn_ros_forget_arteries(cn_ros *ros)
-{
-    guarded([&] { ros->artery.forget(removed); });
-}
-
-void cn_ros_forget_bodies(cn_ros *ros)
-{
-    guarded([&] {
-        ros->topology.forget();
-        ros->catheter.forget(removed);
-        ros->roadmap.forget(removed);
-        ros->path.forget([](const nav_msgs::Path &old) {
-            nav_msgs::Path none;
-            none.header = old.header;
-            return none;
-        });
-    });
-}
-
-void cn_ros_send_diagnostics(cn_ros *ros, bool ok, const char *message, int nfigure,
-                             const cn_ros_figure *figure)
-{
-    guarded([&] {
-        diagnostic_msgs::DiagnosticArray array;
-        diagnostic_msgs::DiagnosticStatus status;
-        status.level = ok ? diagnostic_msgs::DiagnosticStatus::OK : diagnostic_msgs::DiagnosticStatus::WARN;
-        status.name = ros::this_node::getName() + ": plan";
-        status.hardware_id = "none";
-        status.message = message;
-        for (int i = 0; i < nfigure; i++) {
-            diagnostic_msgs::KeyValue pair;
-            pair.key = figure[i].key;
-            pair.value = figure[i].value;
-            status.values.push_back(pair);
-        }
-        array.header.stamp = ros::Time::now();
-        array.status.push_back(status);
-        ros->diagnostics.publish(array);
-    });
+#define TEXT_OF(a) #a
+#define TEXT(a)    TEXT_OF(a)
+    static const cn_ros_version versions[] = {
+        {"roscpp", TEXT(ROS_VERSION_MAJOR) "." TEXT(ROS_VERSION_MINOR) "." TEXT(ROS_VERSION_PATCH)},
+        {"ompl", CATNAV_OMPL_VERSION},
+        {"octomap", CATNAV_OCTOMAP_VERSION},
+        {"suitesparse", TEXT(SUITESPARSE_MAIN_VERSION) "." TEXT(SUITESPARSE_SUB_VERSION) "." TEXT(
+                            SUITESPARSE_SUBSUB_VERSION)},
+        {"compiler", __VERSION__},
+        {nullptr, nullptr}};
+    return versions;
 }

@@ -12,6 +12,7 @@
 #include <stdint.h>
 #include "catnav/plan.h"
 #include "catnav/report.h"
+#include "catnav/run.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -43,18 +44,26 @@ typedef struct {
     unsigned seed;
 } cn_ros_request;
 
-/* Comes zeroed, is filled by the callback, and is sent and freed by the wrapper. */
+/* What is sent in answer to a call; cn_ros_send_answer frees what it holds. */
 typedef struct {
     char frame[64];
     cn_report report;
     cn_path *path; /* NULL: none */
+    char *json;    /* the report as text, malloc'd; NULL: none */
 } cn_ros_answer;
+
+/* A call of ~plan or a goal of ~plan_action, by number; never 0, never used twice. */
+typedef unsigned long cn_ros_call;
 
 typedef struct {
     void *user;
-    void (*mesh)(void *user, const cn_ros_mesh *mesh);                              /* one at a time */
-    void (*plan)(void *user, const cn_ros_request *request, cn_ros_answer *answer); /* several at once */
-    void (*tick)(void *user);                                                       /* once a second */
+    void (*mesh)(void *user, const cn_ros_mesh *mesh); /* one at a time */
+    /* Several at once; returns soon. The request stays valid until cn_ros_end_call, which must follow once,
+     * as must cn_ros_send_answer. */
+    void (*plan)(void *user, cn_ros_call call, const cn_ros_request *request);
+    void (*cancel)(void *user, cn_ros_call call); /* it may have been answered meanwhile */
+    void (*tick)(void *user);                     /* once a second */
+    void (*feedback)(void *user);                 /* ten times a second */
 } cn_ros_handlers;
 
 /* --- life --- */
@@ -62,11 +71,12 @@ typedef struct {
  */
 cn_status cn_ros_new(cn_ros **out, int argc, char **argv, const char *name, const volatile sig_atomic_t *stop,
                      cn_error *error);
-/* Opens topics and service; callbacks come from threads of roscpp's from here on. */
-cn_status cn_ros_start(cn_ros *ros, const cn_ros_handlers *handlers, cn_error *error);
+/* Opens topics, service and action; callbacks come from threads of roscpp's from here on. At most `waiting`
+ * calls of the service are kept waiting for their answer beside the one that is worked on. */
+cn_status cn_ros_start(cn_ros *ros, const cn_ros_handlers *handlers, int waiting, cn_error *error);
 bool cn_ros_ok(const cn_ros *ros);           /* false once the master or rosnode has shut the node down */
 bool cn_ros_mesh_senders(const cn_ros *ros); /* does anyone publish on ~artery_mesh? */
-void cn_ros_free(cn_ros *ros); /* waits for callbacks under way, then shuts down; NULL is fine */
+void cn_ros_free(cn_ros *ros); /* every call is answered; waits for callbacks, shuts down; NULL is fine */
 void cn_ros_log(cn_log_level level, const char *file, int line, const char *text); /* to rosconsole */
 
 /* --- private parameters --- */
@@ -76,6 +86,20 @@ double cn_ros_number(const cn_ros *ros, const char *key, double otherwise);
  * planner.samples; lists become YAML. Freed by cn_ros_settings_free. */
 cn_status cn_ros_settings(const cn_ros *ros, const char *const *except, int *n, cn_setting **out);
 void cn_ros_settings_free(int n, cn_setting *setting);
+
+/* --- calls --- */
+void cn_ros_begin_call(cn_ros *ros, cn_ros_call call); /* work on it begins: a goal becomes active */
+/* One limit in the feedback; `worst` NAN: not measured yet. */
+typedef struct {
+    char body[64];
+    cn_limit limit;
+    double worst;
+} cn_ros_margin;
+void cn_ros_send_feedback(cn_ros *ros, cn_ros_call call, const cn_progress *progress, const char *stage,
+                          double real_time_factor, int nmargin, const cn_ros_margin *margin);
+void cn_ros_send_answer(cn_ros *ros, cn_ros_call call, cn_ros_answer *answer); /* and clears it */
+void cn_ros_answer_clear(cn_ros_answer *answer);                               /* frees what it holds */
+void cn_ros_end_call(cn_ros *ros, cn_ros_call call); /* its request is no longer needed */
 
 /* --- what goes out; `id` tells several bodies or walls apart, and late subscribers get the last of each ---
  */
@@ -93,6 +117,12 @@ void cn_ros_send_path(cn_ros *ros, const char *frame, const cn_path *path);
 void cn_ros_send_medial_axis(cn_ros *ros, const char *frame, int n, const double *x, const double *clearance);
 void cn_ros_forget_arteries(cn_ros *ros); /* takes the walls off every screen */
 void cn_ros_forget_bodies(cn_ros *ros);   /* takes bodies, roadmaps and path off every screen */
+
+/* What the node is built with, ended by an entry without `what`. */
+typedef struct {
+    const char *what, *version;
+} cn_ros_version;
+const cn_ros_version *cn_ros_versions(void);
 
 typedef struct {
     const char *key;

@@ -2,10 +2,12 @@
 import os
 import sys
 import threading
+import time
 
+import actionlib
 import numpy as np
 import rospy
-from catnav.msg import SurfaceMesh, Verdict
+from catnav.msg import PlanCatheterAction, PlanCatheterGoal, SurfaceMesh, Verdict
 from catnav.srv import PlanCatheter, PlanCatheterRequest
 from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker
@@ -98,13 +100,13 @@ def along(axis, radius):
 class Client:
     """Talks to the node as a user's node does."""
 
-    def __init__(self):
-        rospy.wait_for_service('/catnav/plan', 20)
-        self.mesh = rospy.Publisher('/catnav/artery_mesh', SurfaceMesh, queue_size=4)
-        self.plan_service = rospy.ServiceProxy('/catnav/plan', PlanCatheter)
+    def __init__(self, node='/catnav'):
+        rospy.wait_for_service(node + '/plan', 20)
+        self.mesh = rospy.Publisher(node + '/artery_mesh', SurfaceMesh, queue_size=4)
+        self.plan_service = rospy.ServiceProxy(node + '/plan', PlanCatheter)
         self.arteries = 0
         self.arrived = threading.Condition()
-        rospy.Subscriber('/catnav/artery_marker', Marker, self.on_artery, queue_size=16)
+        rospy.Subscriber(node + '/artery_marker', Marker, self.on_artery, queue_size=16)
 
     def on_artery(self, marker):
         with self.arrived:
@@ -123,6 +125,50 @@ class Client:
     def plan(self, points, **fields):
         fields.setdefault('seed', 1)
         return self.plan_service(PlanCatheterRequest(waypoints=[Point(*map(float, p)) for p in points], **fields))
+
+
+class Goal:
+    """A goal on its way: its feedback, its result, how often it was answered."""
+
+    def __init__(self, client, goal):
+        self.feedback, self.heard, self.results = [], [], 0
+        self.result = self.status = None
+        self.done, self.news = threading.Event(), threading.Condition()
+        self.handle = client.send_goal(goal, self.on_transition, self.on_feedback)
+
+    def on_feedback(self, handle, feedback):
+        with self.news:
+            self.feedback.append(feedback)
+            self.heard.append(time.monotonic())
+            self.news.notify_all()
+
+    def on_transition(self, handle):
+        if handle.get_comm_state() != actionlib.CommState.DONE:
+            return
+        self.result, self.status = handle.get_result(), handle.get_goal_status()
+        self.results += 1
+        self.done.set()
+        with self.news:
+            self.news.notify_all()
+
+    def until(self, wanted, wait):
+        """True once a feedback is as wanted."""
+        with self.news:
+            self.news.wait_for(lambda: self.done.is_set() or any(map(wanted, self.feedback)), wait)
+            return any(map(wanted, self.feedback))
+
+    def cancel(self):
+        self.handle.cancel()
+
+
+class ActionClient:
+    def __init__(self, node='/catnav'):
+        self.client = actionlib.ActionClient(node + '/plan_action', PlanCatheterAction)
+        self.client.wait_for_server()
+
+    def send(self, points, **fields):
+        fields.setdefault('seed', 1)
+        return Goal(self.client, PlanCatheterGoal(waypoints=[Point(*map(float, p)) for p in points], **fields))
 
 
 def name_of(verdict):

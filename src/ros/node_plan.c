@@ -1,0 +1,207 @@
+/* node_plan.c - one call, from its request to its answer. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include "node_parts.h"
+
+#define MESH_WAIT 2.0 /* a mesh whose sender is there may still be on its way this long [s] */
+
+static void nap(double seconds)
+{
+    const struct timespec t = {.tv_nsec = (long)(seconds * 1e9)};
+    nanosleep(&t, NULL);
+}
+
+/* What an answer needs from the plan under way. */
+typedef struct {
+    cn_node *node;
+    cn_path *path; /* the device's last */
+} run;
+
+static bool run_wants_frame(void *user, int step)
+{
+    return wants_frame(((run *)user)->node, step);
+}
+static void run_frame(void *user, const cn_frame *frame)
+{
+    show_frame(((run *)user)->node, frame);
+}
+
+static void run_progress(void *user, const cn_progress *progress)
+{
+    cn_node *node = ((run *)user)->node;
+    const double t = wall_clock();
+    pthread_mutex_lock(&node->lock);
+    const double past = t - node->progress_at, moved = progress->time - node->progress.time;
+    node->real_time_factor = progress->stage == CN_STAGE_MOTION && past > 0 ? fmax(moved, 0) / past : 0;
+    node->progress = *progress, node->progress_at = t;
+    node->progress.limit = NULL; /* valid here only: copied */
+    node->nmargin = progress->nlimit < MARGINS_MOST ? progress->nlimit : MARGINS_MOST;
+    for (int i = 0; i < node->nmargin; i++) {
+        const cn_limit_report *l = &progress->limit[i];
+        node->margin[i] = (cn_ros_margin){.limit = l->limit, .worst = l->step < 0 ? NAN : l->worst};
+        memcpy(node->margin[i].body, l->body, sizeof l->body);
+    }
+    pthread_mutex_unlock(&node->lock);
+}
+
+static void run_path(void *user, int body, const cn_path *path, const cn_roadmap *roadmap)
+{
+    run *r = user;
+    if (roadmap) cn_ros_send_roadmap(r->node->ros, r->node->run_frame, (unsigned)body, roadmap);
+    if (body != 0 || !path) return;
+    cn_ros_send_path(r->node->ros, r->node->run_frame, path);
+    cn_path_free(r->path);
+    if (cn_path_copy(&r->path, path) != CN_OK) r->path = NULL;
+}
+
+void answer_with(cn_ros_answer *answer, const cn_scene *scene, cn_verdict_code code, const cn_error *error)
+{
+    cn_report_refused(&answer->report, scene, error);
+    answer->report.verdict.code = code;
+}
+
+/* Answers one request in a stage that is this plan's. */
+static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cn_ros_answer *answer)
+{
+    const cn_run_hooks base = {.wants_frame = run_wants_frame,
+                               .frame = run_frame,
+                               .progress = run_progress,
+                               .path = run_path,
+                               .cancel = &node->cancel};
+    cn_report *report = &answer->report;
+    cn_request ask = {.nwaypoint = request->nwaypoint,
+                      .waypoint = request->waypoint,
+                      .budget = request->budget,
+                      .seed = &request->seed};
+    run r = {.node = node};
+    cn_run_hooks hooks = base;
+    cn_sampling sampling;
+    cn_error error = {0};
+    overlay limits = {0};
+
+    hooks.user = &r;
+    if (s->frame[0] && request->frame[0] && strcmp(s->frame, request->frame)) {
+        cn_fail(&error, CN_ERR_ARG, "", 0,
+                "waypoints are in frame '%s', the artery mesh in '%s': send both in one frame",
+                request->frame, s->frame);
+        goto refused;
+    }
+    if (!(request->budget >= 0 && request->budget < INFINITY)) {
+        cn_fail(&error, CN_ERR_ARG, "", 0, "budget is %g s: expected 0 or more", request->budget);
+        goto refused;
+    }
+    if (s->scene->nbody == 0) {
+        cn_fail(&error, CN_ERR_SCENE, s->scene->path, 0, "scene '%s' has no body to plan for",
+                s->scene->name);
+        goto refused;
+    }
+    if (request->nwaypoint < 2) { /* where they lie is cn_run's to judge */
+        cn_fail(&error, CN_ERR_ARG, "", 0, "%d waypoints: at least two are needed, the entry and a target",
+                request->nwaypoint);
+        goto refused;
+    }
+    if (request->sampling[0]) {
+        if (sampling_of(request->sampling, &sampling, &error) != CN_OK) goto refused;
+        ask.sampling = &sampling;
+    }
+    if (overlay_new(&limits, s->scene, request, &error) != CN_OK) goto refused;
+    ask.nlimit = limits.ndevice, ask.limit = limits.device;
+
+    cn_ros_forget_bodies(node->ros);
+    if (cn_run(s->world, &ask, cn_ompl_planner, node->threads, &hooks, report, &error) != CN_OK &&
+        report->verdict.code == CN_VERDICT_UNKNOWN)
+        answer_with(answer, s->scene, error.status == CN_ERR_ARG ? CN_VERDICT_BAD_INPUT : CN_VERDICT_NUMERICS,
+                    &error);
+    answer->path = r.path;
+    forget_shown(node);
+    overlay_end(&limits);
+    return;
+refused:
+    overlay_end(&limits);
+    answer_with(answer, s->scene, CN_VERDICT_BAD_INPUT, &error);
+}
+
+/* The stage in force, after a mesh that is on its way has come and been checked; NULL: there is none. */
+static stage *await_stage(cn_node *node)
+{
+    const double start = wall_clock();
+    for (;;) {
+        pthread_mutex_lock(&node->lock);
+        const bool checking = node->checking, known = node->stage || node->refusal[0];
+        pthread_mutex_unlock(&node->lock);
+        const bool coming = !known && cn_ros_mesh_senders(node->ros) && wall_clock() - start < MESH_WAIT;
+        if (node->cancel || (!checking && !coming)) return stage_take(node);
+        nap(0.01);
+    }
+}
+
+/* A stage for a request: the node's own, or a scene's inside ~scene_dir with its own vessels. */
+static stage *stage_for(cn_node *node, const cn_ros_request *request, cn_ros_answer *answer)
+{
+    char file[PATH_MAX];
+    cn_error error = {0};
+    cn_verdict_code code = CN_VERDICT_BAD_INPUT;
+    stage *s = NULL;
+
+    if (request->scene[0]) {
+        if (scene_inside(node, request->scene, file, &error) == CN_OK &&
+            stage_new(&s, node, file, 0, NULL, "", &error) == CN_OK)
+            stage_show(node, s, answer->frame);
+    } else if (!(s = await_stage(node))) {
+        pthread_mutex_lock(&node->lock);
+        if (node->refusal[0]) {
+            cn_fail(&error, CN_ERR_MESH, "", 0, "%s", node->refusal);
+        } else {
+            cn_fail(&error, CN_ERR_MESH, "", 0, "no artery mesh yet: send one on ~artery_mesh");
+            code = CN_VERDICT_NO_ARTERY;
+        }
+        pthread_mutex_unlock(&node->lock);
+    }
+    if (!s) answer_with(answer, NULL, code, &error);
+    return s;
+}
+
+/* Sets whether the call's scene is being prepared; true when the call has been cancelled. */
+static bool preparing(cn_node *node, bool now)
+{
+    pthread_mutex_lock(&node->lock);
+    node->preparing = now;
+    const bool cancelled = node->cancel;
+    pthread_mutex_unlock(&node->lock);
+    return cancelled;
+}
+
+void plan_call(cn_node *node, const cn_ros_request *request, cn_ros_answer *answer)
+{
+    cn_verdict *verdict = &answer->report.verdict;
+    cn_error error = {0};
+    stage *s = NULL;
+
+    snprintf(answer->frame, sizeof answer->frame, "%s", request->frame[0] ? request->frame : node->frame);
+    bool cancelled = preparing(node, true);
+    if (!cancelled) s = stage_for(node, request, answer);
+    cancelled |= preparing(node, false);
+    if (cancelled) {
+        cn_report_clear(&answer->report);
+        cn_fail(&error, CN_ERR_CANCELLED, "", 0, "cancelled before the first step");
+        answer_with(answer, NULL, CN_VERDICT_CANCELLED, &error);
+    } else if (s) {
+        snprintf(node->run_frame, sizeof node->run_frame, "%s", answer->frame);
+        plan_in(node, s, request, answer);
+    }
+
+    pthread_mutex_lock(&node->lock);
+    if (s && node->refusal[0] && !request->scene[0]) { /* the answer is for an older mesh: say so */
+        const size_t used = strlen(verdict->message);
+        snprintf(verdict->message + used, sizeof verdict->message - used,
+                 " (on the last good artery mesh; later: %.400s)", node->refusal);
+    }
+    snprintf(node->verdict, sizeof node->verdict, "%s", cn_verdict_name(verdict->code));
+    pthread_mutex_unlock(&node->lock);
+    answer->json = answer_json(node, s, request, &answer->report);
+    stage_drop(node, s);
+    CN_LOG(CN_LOG_INFO, "%s: %s", cn_verdict_name(verdict->code), verdict->message);
+}

@@ -1,0 +1,75 @@
+#!/usr/bin/python3
+"""The scenes of launch/scenes. argv[1] or CATNAV is the command. CATNAV_SCENES=all: whole runs at full size too."""
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+CATNAV = os.path.abspath(sys.argv.pop(1) if len(sys.argv) > 1 and os.access(sys.argv[1], os.X_OK)
+                         else os.environ.get("CATNAV", "catnav"))
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
+SCENES = os.path.join(ROOT, "launch", "scenes")
+DATA = os.environ.get("CATNAV_TEST_DATA", os.path.join(ROOT, "test", "data"))
+
+
+def run(scene, **settings):
+    """Exit status, report and messages of a run; settings: key__path=value."""
+    with tempfile.TemporaryDirectory() as folder:
+        report = os.path.join(folder, "report.json")
+        words = [CATNAV, "run", os.path.join(SCENES, scene), "--report", report, "--quiet"]
+        for key, value in settings.items():
+            words += ["--set", key.replace("__", ".") + "=" + str(value)]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=1800)
+        with open(report) as file:
+            return done.returncode, json.load(file), done.stdout + done.stderr
+
+
+class Scenes(unittest.TestCase):
+    def unharmed(self, report, shape_error):
+        """Arrived, in its limits, nothing ever crossed or outside, and in its own shape again."""
+        self.assertEqual(report["verdict"]["code"], "REACHED", report["verdict"]["message"])
+        self.assertEqual(report["contact"]["intersections"], 0)
+        self.assertEqual(report["contact"]["outside_nodes"], 0)
+        self.assertGreater(report["contact"]["gap_min"], 0)
+        self.assertLessEqual(report["solver"]["residual_max"], 1e-3)
+        for limit in report["limits"]:
+            self.assertLessEqual(limit["worst"], limit["limit"])
+        for body in report["bodies"]:
+            self.assertLess(body["shape_error"], shape_error)
+            self.assertLess(abs(body["volume"] / body["rest_volume"] - 1), 1e-3)
+
+    # bear
+    def test_the_bear_and_its_tube_are_of_the_papers_size(self):
+        status, report, said = run("bear.yaml", time_limit=0.01)
+        self.assertEqual(status, 3, said)
+        self.assertGreaterEqual(report["counts"]["deformable_nodes"], 5252)
+        self.assertGreaterEqual(report["counts"]["rigid_nodes"], 1053)
+
+    def test_the_bear_whose_surface_crosses_itself_is_refused_with_the_pairs(self):
+        status, report, said = run("bear.yaml", bodies__bear__shape__file=os.path.join(DATA, "bodies",
+                                                                                     "bullet_teddy.obj"))
+        self.assertEqual((status, report["verdict"]["code"]), (1, "BAD_INPUT"), said)
+        for word in ("6 pairs of triangles cross", "1722-3111", "1747-3173"):
+            self.assertIn(word, report["verdict"]["message"])
+
+    def test_a_coarse_bear_comes_through_a_wider_tube_with_its_shape(self):
+        status, report, said = run("bear.yaml", bodies__bear__shape__max_volume=0, step=0.01, contact__gap=0.04,
+                                   bodies__bear__drive__speed=8, obstacles__tube__shape__translate=[0, -0.9, 0],
+                                   obstacles__tube__shape__tube__radius=[1.2, 1.025, 0.9, 0.8, 0.75, 0.75, 0.75, 0.8,
+                                                                         0.9, 1.025, 1.2],
+                                   bodies__bear__waypoints=[[0, 2.2, 0.05], [0, 4.6, 0.05]])
+        self.assertEqual(status, 0, said)
+        self.assertGreater(report["contact"]["force_max"], 0)
+        self.unharmed(report, 1e-3)
+
+    @unittest.skipUnless(os.environ.get("CATNAV_SCENES") == "all", "whole runs: CATNAV_SCENES=all")
+    def test_the_bear_comes_through_the_tube_with_its_shape(self):
+        status, report, said = run("bear.yaml")
+        self.assertEqual(status, 0, said)
+        self.unharmed(report, 1e-4)
+
+
+if __name__ == "__main__":
+    unittest.main()

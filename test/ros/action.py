@@ -1,0 +1,138 @@
+#!/usr/bin/python3
+"""~plan_action: the service's answer with progress on the way; a cancel ends a plan within a step and the next goal is
+taken at once; further calls are refused or wait, as ~on_busy says."""
+import json
+import sys
+import threading
+import time
+import unittest
+
+import rospy
+import rostest
+from actionlib_msgs.msg import GoalStatus
+from catnav.msg import Limit, PlanCatheterFeedback, Verdict
+
+from shapes import ActionClient, Client, name_of, tube
+
+ROUTE = [(0, 0, 0.01), (0, 0, 0.06)]  # seconds at this step; the short one a fraction of one
+SHORT = [(0, 0, 0.01), (0, 0, 0.014)]
+WAIT = 60  # [s]: an end that never comes is an error, a slow one is not
+
+
+class Action(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.client, cls.patient = Client(), Client('/patient')
+        cls.action, cls.patient_action = ActionClient(), ActionClient('/patient')
+        for client in cls.client, cls.patient:
+            assert client.send(*tube([0, 0, 0], [0, 0, 0.08], 0.004))
+
+    def expect(self, answer, code, *words):
+        self.assertEqual(answer.verdict.code, code, f'{name_of(answer.verdict)}: {answer.verdict.message}')
+        for word in words:
+            self.assertIn(word, answer.verdict.message)
+
+    def ended(self, goal, status, code, *words):
+        self.assertTrue(goal.done.wait(WAIT), 'no result')
+        self.expect(goal.result, code, *words)
+        self.assertEqual(goal.status, status)
+        self.assertEqual(goal.results, 1)
+
+    def moving(self, goal):
+        self.assertTrue(goal.until(lambda f: f.stage == PlanCatheterFeedback.MOTION and f.step > 0, WAIT), 'no motion')
+
+    def test_a_goal_gives_the_answer_of_the_service_and_progress_on_the_way(self):
+        limit = Limit('', 'stress', 'max', 4e6)
+        served = self.client.plan(ROUTE, limits=[limit])
+        goal = self.action.send(ROUTE, limits=[limit])
+        self.ended(goal, GoalStatus.SUCCEEDED, Verdict.REACHED)
+        for field in 'steps', 'replans', 'gap_min':
+            self.assertEqual(getattr(goal.result, field), getattr(served, field))
+        self.assertEqual([p.pose for p in goal.result.path.poses], [p.pose for p in served.path.poses])
+
+        last = goal.feedback[-1]
+        self.assertEqual((last.stage, last.stage_name, last.waypoints), (PlanCatheterFeedback.MOTION, 'motion', 1))
+        self.assertGreater(last.steps_per_second, 0)
+        self.assertGreater(last.time, 0)
+        self.assertEqual(last.time_limit, 60)
+        margins = {m.quantity: m for m in last.margins}
+        self.assertEqual(set(margins), {'stress', 'volume'})
+        self.assertEqual(margins['stress'].limit, 4e6)
+        self.assertAlmostEqual(margins['stress'].margin, 1 - margins['stress'].worst / 4e6)
+        self.assertAlmostEqual(last.margin, min(m.margin for m in margins.values()))
+        times = [f.time for f in goal.feedback]
+        self.assertEqual(times, sorted(times))
+        rate = (len(goal.feedback) - 1) / (goal.heard[-1] - goal.heard[0])
+        print(f'feedback: {len(times)} messages, {rate:.1f} a second, motion at {last.steps_per_second:.0f} steps/s')
+
+    def test_a_report_says_what_the_same_plan_takes(self):
+        report = json.loads(self.client.plan(SHORT, seed=7).report_json)
+        repeat = report['repeat']
+        self.assertEqual(repeat['seed'], 7)
+        self.assertEqual(repeat['request']['waypoints'], [list(p) for p in SHORT])
+        self.assertEqual(repeat['options']['step'], '0.0001')
+        self.assertEqual(repeat['walls'][0]['name'], 'artery')
+        self.assertEqual(len(repeat['walls'][0]['fnv1a']), 16)
+        self.assertIn('ompl', repeat['versions'])
+
+    def test_a_cancel_ends_a_plan_with_what_was_reached_and_the_next_goal_is_taken_at_once(self):
+        delays = []
+        for _ in range(3):
+            goal = self.action.send(ROUTE)
+            self.moving(goal)
+            start = time.monotonic()
+            goal.cancel()
+            self.ended(goal, GoalStatus.PREEMPTED, Verdict.CANCELLED)
+            delays.append(time.monotonic() - start)
+            self.assertGreater(goal.result.steps, 0)
+            self.assertTrue(goal.result.path.poses)
+            self.assertEqual(json.loads(goal.result.report_json)['status'], 'interrupted')
+            following = self.action.send(SHORT)
+            self.ended(following, GoalStatus.SUCCEEDED, Verdict.REACHED)
+        print('cancel answered after', ', '.join(f'{1000 * d:.0f} ms' for d in delays))
+        self.assertLess(min(delays), 1)
+
+    def test_a_second_call_is_refused_while_one_is_open(self):
+        goal = self.action.send(ROUTE)
+        self.moving(goal)
+        self.ended(self.action.send(ROUTE), GoalStatus.REJECTED, Verdict.BUSY, 'another plan')
+        self.expect(self.client.plan(ROUTE), Verdict.BUSY, 'another plan', '~on_busy')
+        goal.cancel()
+        self.ended(goal, GoalStatus.PREEMPTED, Verdict.CANCELLED)
+
+    def test_calls_wait_for_their_turn_up_to_the_queues_size(self):
+        first = self.patient_action.send(ROUTE)
+        self.moving(first)
+        second, third = self.patient_action.send(SHORT), self.patient_action.send(SHORT)
+        self.ended(self.patient_action.send(SHORT), GoalStatus.REJECTED, Verdict.BUSY, '2 wait')
+        self.expect(self.patient.plan(SHORT), Verdict.BUSY, '2 wait')
+        third.cancel()
+        self.ended(third, GoalStatus.RECALLED, Verdict.CANCELLED, 'waited')
+        answers = []
+        caller = threading.Thread(target=lambda: answers.append(self.patient.plan(SHORT)))
+        caller.start()
+        first.cancel()
+        self.ended(first, GoalStatus.PREEMPTED, Verdict.CANCELLED)
+        self.ended(second, GoalStatus.SUCCEEDED, Verdict.REACHED)
+        caller.join(WAIT)
+        self.expect(answers[0], Verdict.REACHED)
+
+    def test_a_goal_that_waits_can_be_cancelled(self):
+        first = self.patient_action.send(ROUTE)
+        self.moving(first)
+        second = self.patient_action.send(ROUTE)
+        self.assertFalse(second.done.wait(0.3))
+        second.cancel()
+        self.ended(second, GoalStatus.RECALLED, Verdict.CANCELLED, 'waited')
+        self.assertFalse(first.done.is_set())
+        first.cancel()
+        self.ended(first, GoalStatus.PREEMPTED, Verdict.CANCELLED)
+
+    def test_a_bad_goal_is_refused_in_words(self):
+        self.ended(self.action.send([]), GoalStatus.ABORTED, Verdict.BAD_INPUT, 'waypoint')
+        self.ended(self.action.send(ROUTE, scene='missing.yaml'), GoalStatus.ABORTED, Verdict.BAD_INPUT, 'missing.yaml')
+
+
+if __name__ == '__main__':
+    rospy.init_node('action')
+    rostest.rosrun('catnav', 'action', Action, sys.argv)
