@@ -1,90 +1,13 @@
 /* model.c - from the scene to what stays fixed in a run: meshes, bodies, held nodes, drive geometry. */
 #include "body_methods.h"
 #include "model_load.h"
+#include "model_shape.h"
 #include "positions.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
-
-/* The linear mesh of a body's shape, placed; a catheter's in its own frame. */
-static cn_status linear_mesh(cn_tets **out, const cn_shape *shape, cn_error *error)
-{
-    cn_status status = CN_ERR_ARG;
-    cn_surface *surface = NULL;
-    const char *dot;
-    int turned = 0;
-
-    switch (shape->kind) {
-    case CN_SHAPE_CATHETER:
-        status = cn_tets_catheter(out, shape->catheter.length, shape->catheter.diameter,
-                                  shape->catheter.inner_diameter, shape->catheter.stations,
-                                  shape->catheter.sides, error);
-        return status;
-    case CN_SHAPE_BEAM:
-        status = cn_tets_beam(out, shape->beam.size, shape->beam.cells, error);
-        if (status == CN_OK) cn_place_points(&shape->placement, (*out)->nnode, (*out)->node);
-        return status;
-    case CN_SHAPE_SPHERE:
-        status = cn_surface_sphere(&surface, shape->sphere.centre, shape->sphere.radius);
-        break;
-    case CN_SHAPE_BOX:
-        status = cn_surface_box(&surface, shape->box.min, shape->box.max);
-        break;
-    case CN_SHAPE_FILE:
-        dot = strrchr(shape->file, '.');
-        if (dot && (!strcmp(dot, ".node") || !strcmp(dot, ".ele") || !strcmp(dot, ".msh"))) {
-            if ((status = cn_tets_read(out, shape->file, error)) != CN_OK) return status;
-            cn_place_points(&shape->placement, (*out)->nnode, (*out)->node);
-            status = cn_tets_check(*out, &turned, error);
-            if (turned) CN_LOG(CN_LOG_WARNING, "%s: %d inside-out tetrahedra turned", shape->file, turned);
-            return status;
-        }
-        status = cn_surface_read(&surface, shape->file, error);
-        break;
-    default:
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0,
-                       "a body cannot be a plane or a tube: give a file, catheter, beam, sphere or box");
-    }
-    if (status == CN_OK) cn_place_points(&shape->placement, surface->nvert, surface->vert);
-    cn_doctor doctor;
-    if (status == CN_OK) status = cn_surface_check(surface, true, &doctor, error);
-    if (status == CN_OK) status = cn_doctor_solid(&doctor, shape->file ? shape->file : "shape", error);
-    if (status == CN_OK) status = cn_tets_fill(out, surface, shape->max_volume, error);
-    cn_surface_free(surface);
-    return status;
-}
-
-static cn_status shape_mesh(cn_tets **out, const cn_shape *shape, cn_body_model model, cn_error *error)
-{
-    cn_tets *linear = NULL;
-    if (model == CN_BODY_TET10 && shape->kind == CN_SHAPE_CATHETER)
-        return cn_tets_catheter10(out, shape->catheter.length, shape->catheter.diameter,
-                                  shape->catheter.inner_diameter, shape->catheter.stations,
-                                  shape->catheter.sides, error);
-    cn_status status = linear_mesh(&linear, shape, error);
-    *out = linear;
-    if (status != CN_OK || model != CN_BODY_TET10) return status;
-    status = cn_tets_raise(out, linear);
-    cn_tets_free(linear);
-    return status;
-}
-
-/* An obstacle that deforms, filled. */
-static cn_status wall_mesh(cn_tets **out, cn_model_body *body, const cn_world *world, cn_error *error)
-{
-    cn_tets *linear = NULL;
-    for (int w = 0; w < world->nwall; w++)
-        if (world->wall[w].spec == body->spec->wall) body->wall = w;
-    cn_status status = cn_doctor_solid(&world->wall[body->wall].doctor, world->wall[body->wall].name, error);
-    if (status == CN_OK) status = cn_tets_fill(&linear, world->wall[body->wall].surface, 0, error);
-    *out = linear;
-    if (status != CN_OK || body->spec->model != CN_BODY_TET10) return status;
-    status = cn_tets_raise(out, linear);
-    cn_tets_free(linear);
-    return status;
-}
 
 /* Nodes of a beam's +x face, of a rod its end. */
 static cn_status find_tip(cn_model_body *out)
@@ -283,15 +206,36 @@ static bool can_fold(const cn_model_body *body)
     return area > 0 && body->size > 8 * 4 * b->rest_volume / area;
 }
 
-static cn_status build_body(cn_model_body *out, const cn_world *world, cn_error *error)
+/* Molecules in the body's shape, or as the file gives them. */
+static cn_status build_molecules(cn_model_body *out, const cn_world *world, unsigned seed, cn_error *error)
+{
+    const cn_body_spec *spec = out->spec;
+    const cn_molecules_spec molecules = {.radius = spec->molecule_radius > 0 ? spec->molecule_radius : 0.01,
+                                         .jittered = spec->molecule_jittered,
+                                         .file = spec->molecule_file};
+    cn_surface *surface = NULL;
+    cn_status status = CN_OK;
+    if (!spec->wall) status = cn_model_surface(&surface, &spec->shape, error);
+    if (status == CN_OK)
+        status = cn_body_new_molecules(&out->body, spec->wall ? world->wall[out->wall].surface : surface,
+                                       &molecules, seed, &spec->material, error);
+    cn_surface_free(surface);
+    return status;
+}
+
+static cn_status build_body(cn_model_body *out, const cn_world *world, unsigned seed, cn_error *error)
 {
     const cn_body_spec *spec = out->spec;
     cn_tets *mesh = NULL;
     double *along = NULL;
     const cn_body *body;
     cn_status status = CN_ERR_MEMORY;
-    status = spec->wall ? wall_mesh(&mesh, out, world, error)
-                        : shape_mesh(&mesh, &spec->shape, spec->model, error);
+    for (int w = 0; w < world->nwall; w++)
+        if (spec->wall && world->wall[w].spec == spec->wall) out->wall = w;
+    const bool sheet = spec->model == CN_BODY_MEMBRANE || spec->model == CN_BODY_SHELL;
+    status = sheet || spec->model == CN_BODY_MOLECULES ? CN_OK
+             : spec->wall ? cn_model_fill_wall(&mesh, &world->wall[out->wall], spec->model, error)
+                          : cn_model_mesh(&mesh, &spec->shape, spec->model, error);
     if (status != CN_OK) goto done;
 
     if (spec->shape.kind == CN_SHAPE_CATHETER) {
@@ -300,8 +244,10 @@ static cn_status build_body(cn_model_body *out, const cn_world *world, cn_error 
                       (spec->shape.catheter.sheath == CN_AUTO && world->nvessel > 0);
         out->bending = bending_of(spec);
     }
-    status = spec->model == CN_BODY_ROD ? build_rod(out, mesh, error)
-                                        : cn_body_new(&out->body, mesh, &spec->material, along, error);
+    status = sheet ? cn_body_new_wall(&out->body, world->wall[out->wall].surface, &spec->wall->wall, error)
+             : spec->model == CN_BODY_MOLECULES ? build_molecules(out, world, seed, error)
+             : spec->model == CN_BODY_ROD       ? build_rod(out, mesh, error)
+                                          : cn_body_new(&out->body, mesh, &spec->material, along, error);
     if (status != CN_OK) goto done;
     body = out->body;
     if ((status = find_tip(out)) != CN_OK) goto done;
@@ -338,6 +284,7 @@ static cn_status build_body(cn_model_body *out, const cn_world *world, cn_error 
     }
     for (int i = 0; spec->fixed.set && i < body->nblock; i++)
         out->fixed[i] = cn_in_box(spec->fixed.box, body->rest + 3 * (i % body->nnode));
+    if (sheet && spec->wall->wall.rims_held) cn_body_wall_rims(body, out->fixed);
     int nfixed = 0;
     for (int i = 0; i < body->nnode; i++)
         nfixed += out->fixed[i];
@@ -375,7 +322,7 @@ cn_status cn_model_new(cn_model **out, const cn_scene *scene, const cn_world *wo
     for (int b = 0; status == CN_OK && b < nbody; b++) {
         model->body[model->nbody].tick = scene->step, model->body[model->nbody].wall = -1;
         model->body[model->nbody++].spec = &spec[b];
-        status = build_body(&model->body[b], world, error);
+        status = build_body(&model->body[b], world, scene->seed, error);
     }
     if (status != CN_OK) {
         cn_model_free(model);

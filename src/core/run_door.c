@@ -34,11 +34,14 @@ static void add_walls(cn_run_data *run)
 {
     for (int w = 0; w < run->world->nwall; w++) {
         const cn_surface_spec *wall = run->world->wall[w].spec;
-        if (!wall || (!wall->deformable && wall->wall.model == CN_WALL_RIGID)) continue;
+        if (run->scene->leave_out.wall_solve == CN_ON || !cn_gives_way(wall)) continue;
         cn_body_spec *spec = &run->spec[run->nbody++];
         *spec = (cn_body_spec){.name = wall->name,
                                .shape = wall->shape,
-                               .model = wall->model == CN_BODY_AUTO ? CN_BODY_TET4 : wall->model,
+                               .model = wall->deformable && wall->model == CN_BODY_AUTO ? CN_BODY_TET4
+                                        : wall->deformable                              ? wall->model
+                                        : wall->wall.model == CN_WALL_SHELL             ? CN_BODY_SHELL
+                                                                                        : CN_BODY_MEMBRANE,
                                .material = wall->material,
                                .fixed = wall->fixed,
                                .nlimit = wall->nlimit,
@@ -108,18 +111,12 @@ static cn_status unsupported(cn_run_data *run, const char *who, const char *what
 cn_status cn_run_supported(cn_run_data *run)
 {
     const cn_scene *scene = run->scene;
-    for (int i = 0; i < scene->nvessel + scene->nobstacle; i++) {
-        const cn_surface_spec *wall =
-            i < scene->nvessel ? &scene->vessel[i] : &scene->obstacle[i - scene->nvessel];
-        if (wall->wall.model != CN_WALL_RIGID)
-            return unsupported(run, wall->name, "a deformable wall", "use wall: {model: rigid}");
-    }
     for (int b = 0; b < run->nbody; b++) {
         const cn_body_spec *body = &run->spec[b];
-        if (body->model == CN_BODY_MOLECULES)
-            return unsupported(run, body->name, "model molecules", "use model: tet4, tet10 or rod");
-        if (body->model == CN_BODY_ROD && scene->contact.method == CN_CONTACT_PROJECT)
-            return unsupported(run, body->name, "contact.method project, which moves nodes, for a rod",
+        if ((body->model == CN_BODY_ROD || body->model == CN_BODY_MOLECULES) &&
+            scene->contact.method == CN_CONTACT_PROJECT)
+            return unsupported(run, body->name,
+                               "contact.method project, which moves nodes, for a rod or molecules",
                                "use strict, or model: tet4");
         if (body->drive.mode != CN_DRIVE_FOLLOW)
             return unsupported(run, body->name, "drive mode push", "use mode: follow");

@@ -308,7 +308,13 @@ static void refit(cn_run_data *run)
 static void wall_solve(cn_run_data *run)
 {
     if (run->world->nwall == 0 || run->scene->leave_out.wall_solve == CN_OFF) return;
-    entry_of(run, "wall_solve", "the walls are rigid: there is nothing to solve")->error = 0;
+    bool any = false;
+    for (int w = 0; w < run->world->nwall; w++)
+        any |= cn_gives_way(run->world->wall[w].spec);
+    if (!any)
+        entry_of(run, "wall_solve", "the walls are rigid: there is nothing to solve")->error = 0;
+    else if (run->scene->leave_out.wall_solve == CN_ON)
+        entry_of(run, "wall_solve", "asked for: walls that give way are taken as rigid");
 }
 
 static void self_contact(cn_run_data *run)

@@ -106,6 +106,12 @@ const cn_path *const *cn_run_paths(const cn_run_data *run);
  * at their index. */
 cn_status cn_run_advance(cn_run_data *run, int work);
 
+/* A wall or obstacle that deforms (spec NULL: no). */
+static inline bool cn_gives_way(const cn_surface_spec *spec)
+{
+    return spec && (spec->deformable || spec->wall.model != CN_WALL_RIGID);
+}
+
 /* run_door.c: what the request asks, and what this build cannot do; refusals in words. */
 cn_status cn_run_specs(cn_run_data *run);
 cn_status cn_run_supported(cn_run_data *run);

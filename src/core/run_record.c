@@ -180,7 +180,7 @@ void cn_run_finish(cn_run_data *run)
     for (int w = 0; w < run->world->nwall; w++) {
         const cn_surface_spec *spec = run->world->wall[w].spec;
         report->counts.wall_triangles += run->world->wall[w].surface->ntri;
-        if (spec && (spec->deformable || spec->wall.model != CN_WALL_RIGID)) continue; /* a body */
+        if (run->scene->leave_out.wall_solve != CN_ON && cn_gives_way(spec)) continue; /* a body */
         report->counts.rigid_nodes += run->world->wall[w].surface->nvert;
     }
     report->time.map_s = run->world->map_s;

@@ -138,7 +138,7 @@ cn_status cn_check_body(struct cn_reader *reader, int node, void *base)
     cn_body_spec *body = base;
     const bool catheter = body->shape.kind == CN_SHAPE_CATHETER;
     if (body->model == CN_BODY_AUTO && !catheter) body->model = CN_BODY_TET4;
-    if (body->model == CN_BODY_ROD && body->shape.kind == CN_SHAPE_FILE)
+    if (body->model == CN_BODY_ROD && !catheter && body->shape.kind != CN_SHAPE_BEAM)
         return cn_reader_refuse(reader, node, "model",
                                 "a rod needs an axis: the shape must be a catheter or a beam");
     for (int i = 0; i < body->material.nregion; i++)

@@ -53,15 +53,6 @@ static const cn_key beam_keys[] = {
     {"cells", CN_KEY_COUNTS, CN_REQUIRED,            "[10, 1, 1]",        1, 1e6, "", "cells along each edge", AT(cn_shape, beam.cells)},
     {0}};
 static const cn_schema beam_schema = {beam_keys, cn_check_beam};
-static const cn_key body_shape_keys[] = {
-    {"catheter", CN_KEY_MAP,  CN_UNSET | CN_NEEDED, "", ANY, "a straight device made of cross-sections", MAP(catheter_schema), .group = 's', MARK(cn_shape, kind, CN_SHAPE_CATHETER)},
-    {"file",     CN_KEY_FILE, CN_UNSET, "../../test/data/scenes/ball.obj", ANY, "tetrahedra (.node with .ele, .msh) or a closed surface, which is filled", AT(cn_shape, file), .group = 's', MARK(cn_shape, kind, CN_SHAPE_FILE)},
-    {"beam",     CN_KEY_MAP,  CN_UNSET, "", ANY, "a box of tetrahedra", MAP(beam_schema), .group = 's', MARK(cn_shape, kind, CN_SHAPE_BEAM)},
-    PLACEMENT,
-    {"max_volume", CN_KEY_REAL, 0, "0", 0, INF, "m^3", "of a tetrahedron where a surface is filled; 0: the mesher's choice", AT(cn_shape, max_volume)},
-    {0}};
-static const cn_schema body_shape_schema = {body_shape_keys, NULL};
-
 static const cn_key sphere_keys[] = {
     {"centre", CN_KEY_VECTOR, CN_REQUIRED,            "[0, 0, 0.5]", -INF, INF, "m", "of the ball", AT(cn_shape, sphere.centre)},
     {"radius", CN_KEY_REAL,   CN_REQUIRED | CN_ABOVE, "0.01",        0, INF, "m", "of the ball", AT(cn_shape, sphere.radius)},
@@ -72,6 +63,17 @@ static const cn_key box_keys[] = {
     {"max", CN_KEY_VECTOR, CN_REQUIRED, "[0.2, 0.2, 0.2]", -INF, INF, "m", "upper corner", AT(cn_shape, box.max)},
     {0}};
 static const cn_schema box_schema = {box_keys, cn_check_box};
+static const cn_key body_shape_keys[] = {
+    {"catheter", CN_KEY_MAP,  CN_UNSET | CN_NEEDED, "", ANY, "a straight device made of cross-sections", MAP(catheter_schema), .group = 's', MARK(cn_shape, kind, CN_SHAPE_CATHETER)},
+    {"file",     CN_KEY_FILE, CN_UNSET, "../../test/data/scenes/ball.obj", ANY, "tetrahedra (.node with .ele, .msh) or a closed surface, which is filled", AT(cn_shape, file), .group = 's', MARK(cn_shape, kind, CN_SHAPE_FILE)},
+    {"beam",     CN_KEY_MAP,  CN_UNSET, "", ANY, "a box of tetrahedra", MAP(beam_schema), .group = 's', MARK(cn_shape, kind, CN_SHAPE_BEAM)},
+    {"sphere",   CN_KEY_MAP,  CN_UNSET, "", ANY, "a ball, which is filled", MAP(sphere_schema), .group = 's', MARK(cn_shape, kind, CN_SHAPE_SPHERE)},
+    {"box",      CN_KEY_MAP,  CN_UNSET, "", ANY, "a box along the axes, which is filled", MAP(box_schema), .group = 's', MARK(cn_shape, kind, CN_SHAPE_BOX)},
+    PLACEMENT,
+    {"max_volume", CN_KEY_REAL, 0, "0", 0, INF, "m^3", "of a tetrahedron where a surface is filled; 0: the mesher's choice", AT(cn_shape, max_volume)},
+    {0}};
+static const cn_schema body_shape_schema = {body_shape_keys, NULL};
+
 static const cn_key plane_keys[] = {
     {"point",  CN_KEY_VECTOR, CN_REQUIRED, "[0, 0, -1]", -INF, INF, "m", "on the plane", AT(cn_shape, plane.point)},
     {"normal", CN_KEY_UNIT,   CN_REQUIRED, "[0, 0, 1]",  -INF, INF, "",  "into the free side; any length but zero", AT(cn_shape, plane.normal)},

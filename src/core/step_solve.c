@@ -116,6 +116,12 @@ static void point_motion(const cn_part *part, int point, const double *v, double
         cn_copy3(v + 3 * (size_t)point, out);
         return;
     }
+    out[0] = out[1] = out[2] = 0;
+    for (int k = 0; k < carry->nper; k++) {
+        const size_t at = (size_t)point * (size_t)carry->nper + (size_t)k;
+        cn_axpy(carry->weight[at], v + 3 * (size_t)carry->anchor[at], out);
+    }
+    if (carry->nper > 0) return;
     const int node = carry->node[point];
     cn_mat_vec(carry->arm + 9 * (size_t)point, v + 3 * (size_t)(carry->turn + node), out);
     cn_axpy(1, v + 3 * (size_t)node, out);
@@ -129,6 +135,11 @@ static void point_force(const cn_part *part, int point, const double force[3], d
         cn_axpy(1, force, f + 3 * (size_t)point);
         return;
     }
+    for (int k = 0; k < carry->nper; k++) {
+        const size_t at = (size_t)point * (size_t)carry->nper + (size_t)k;
+        cn_axpy(carry->weight[at], force, f + 3 * (size_t)carry->anchor[at]);
+    }
+    if (carry->nper > 0) return;
     const int node = carry->node[point];
     double moment[3];
     cn_mat_vec_transposed(carry->arm + 9 * (size_t)point, force, moment);

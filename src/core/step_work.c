@@ -115,7 +115,8 @@ static cn_status surfaces_new(cn_work *work)
         work->nfree[s] = surface->npoint;
         if (s >= work->npart) continue;
         const cn_part *part = &work->part[s];
-        work->hang[s] = (cn_hang){.matrix = part->matrix, .carry = part->carry};
+        work->hang[s] = (cn_hang){
+            .matrix = part->matrix, .carry = part->carry, .linked = part->carry && part->carry->nper > 0};
     }
     memcpy(work->trial, work->points, n * sizeof *work->points);
     memcpy(work->goal, work->points, n * sizeof *work->points);
