@@ -145,7 +145,7 @@ static void bezier_row(const char *against, int points, int intervals)
         }
         rate[paper] = 1e3 * frames / spent;
     }
-    worn w = wear((int)fmax(6, sqrt(1.23 * z->nvert)), bar, 4, 1); /* about as many vertices */
+    worn w = wear((int)fmax(6, sqrt(z->nvert / 1.656)), bar, 4, 1); /* about as many vertices */
     const double skin = 1e3 / update_ms(&w, NULL);
     printf("%s,%d,%d,%d,%.2f,%.2f,%d,%.2f\n", against, points * points, intervals * intervals, z->nvert,
            rate[1], rate[0], w.surface->nvert, skin * w.surface->nvert / z->nvert);
@@ -202,16 +202,18 @@ static void shape(int n)
     static const int bar[3] = {2, 2, 9};
     worn w = wear(96, bar, n, 1);
     update_ms(&w, NULL);
-    puts("kind,a,b,c,nx,ny,nz,anchor_x,anchor_y,anchor_z");
+    puts("kind,a,b,c,nx,ny,nz");
     for (int r = 0; r < w.skin->nvert; r++) {
         const int v = w.skin->vertex[r];
-        const double *a = w.bar.place + 3 * w.skin->anchor[w.skin->nper * r];
         const double *x = w.state->x + 3 * v, *m = w.state->normal + 3 * v;
-        printf("vertex %d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", v, x[0], x[1], x[2], m[0], m[1],
-               m[2], a[0], a[1], a[2]);
+        printf("vertex %d,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", v, x[0], x[1], x[2], m[0], m[1], m[2]);
+        for (int j = 0; r % 29 == 0 && j < w.skin->nper; j++) {
+            const double *a = w.bar.place + 3 * w.skin->anchor[w.skin->nper * r + j];
+            printf("link %d,%.6f,%.6f,%.6f,,,\n", v, a[0], a[1], a[2]);
+        }
     }
     for (int t = 0; t < w.skin->ntri; t++)
-        printf("face %d,%d,%d,%d,%.6f,%.6f,%.6f,,,\n", t, w.skin->tri[3 * t], w.skin->tri[3 * t + 1],
+        printf("face %d,%d,%d,%d,%.6f,%.6f,%.6f\n", t, w.skin->tri[3 * t], w.skin->tri[3 * t + 1],
                w.skin->tri[3 * t + 2], w.state->face[4 * t], w.state->face[4 * t + 1],
                w.state->face[4 * t + 2]);
     undress(&w);
