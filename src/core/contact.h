@@ -54,7 +54,7 @@ typedef struct {
     int nsurface;
     cn_contact_surface *surface;
     int npoint;
-    double gap; /* the largest finite one [m] */
+    double gap; /* the largest at which two of them, or one with itself, meet [m] */
 } cn_contact_model;
 /* Of a body that deforms; wall >= 0: it stands for that wall of the world, which is no rigid surface then. */
 typedef struct {

@@ -151,8 +151,12 @@ cn_status cn_contact_model_new(cn_contact_model **out, const cn_world *world, in
         status = s < nbody ? body_surface(surface, body + s)
                            : wall_surface(surface, world, s - nbody, moving && moving[s - nbody]);
         surface->first = model->npoint, model->npoint += surface->npoint;
-        if (surface->gap < INFINITY) model->gap = fmax(model->gap, surface->gap);
     }
+    for (int a = 0; status == CN_OK && a < nbody; a++)
+        for (int b = a; b < model->nsurface; b++) {
+            const double gap = fmin(model->surface[a].gap, model->surface[b].gap);
+            if ((a != b || model->surface[a].self) && gap < INFINITY) model->gap = fmax(model->gap, gap);
+        }
     if (status == CN_OK)
         *out = model;
     else

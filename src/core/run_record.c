@@ -78,6 +78,8 @@ const double *cn_run_points(const cn_run_data *run, int b, const cn_state *state
 double cn_run_far_gap(const cn_run_data *run, int b, const cn_state *state)
 {
     double least = isfinite(run->report->contact.gap_min) ? run->report->contact.gap_min : INFINITY;
+    for (int w = 0; w < run->world->nwall; w++) /* only what rests can be asked at its rest */
+        if (cn_gives_way(run->world->wall[w].spec) || cn_wall_moves(&run->world->wall[w])) return INFINITY;
     const double before = least, *x = cn_run_points(run, b, state, state->body[b].nfree);
     const int npoint = cn_body_points_of(run->model->body[b].body, state->body[b].nfree);
     for (int w = 0; w < run->world->nwall; w++)
