@@ -337,10 +337,14 @@ static void self_contact(cn_run_data *run)
                          needed->distance);
     else if (run->scene->leave_out.self_contact == CN_ON)
         entry = entry_of(run, "self_contact", "asked for");
-    else if (done && done->done > 1)
-        entry = entry_of(run, "self_contact", "up to step %d alone: from then on %.40s could come to itself",
-                         done->done - 1, run->spec[done - leave->self].name);
-    else if (done)
+    else if (done && done->done > leave->every) {
+        entry =
+            entry_of(run, "self_contact",
+                     "up to step %d alone: from then on %.40s could come to itself, and the step sees to it",
+                     done->done - 1, run->spec[done - leave->self].name);
+        entry->error = 0;
+        return;
+    } else if (done)
         return; /* all of it is done */
     else if (tested)
         entry = entry_of(run, "self_contact",
