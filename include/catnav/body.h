@@ -82,6 +82,7 @@ typedef struct {
     bool round;             /* else a rectangle */
     double half[2];         /* half width along n and b [m]; round: both the outer radius */
     double young, poisson;  /* of the outer material: stress and volume change of fibres */
+    double bend; /* rest curvature about b [1/m]: going against t it turns towards n; 0: as the axis lies */
     double twist_stress; /* largest shear stress per twist rate [Pa m]: G r, of a rectangle Saint-Venant's */
 } cn_section;
 /* Of a catheter's circular section (core added by sum; mass of its lumen none) or a beam's rectangle, with

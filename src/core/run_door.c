@@ -121,8 +121,10 @@ cn_status cn_run_supported(cn_run_data *run)
         if (body->model == CN_BODY_ROD && scene->contact.method == CN_CONTACT_PROJECT)
             return unsupported(run, body->name, "contact.method project, which moves nodes, for a rod",
                                "use strict, or model: tet4");
-        if (body->drive.mode != CN_DRIVE_FOLLOW)
-            return unsupported(run, body->name, "drive mode push", "use mode: follow");
+        const bool sheath = body->shape.catheter.sheath == CN_ON ||
+                            (body->shape.catheter.sheath == CN_AUTO && scene->nvessel > 0);
+        const cn_status status = cn_push_check(body, sheath, &run->error);
+        if (status != CN_OK) return status;
         if (body->skin_file) return unsupported(run, body->name, "a skin", "leave out `skin`");
         if (body->shape.kind == CN_SHAPE_CATHETER && body->shape.catheter.has_core &&
             body->model != CN_BODY_ROD)

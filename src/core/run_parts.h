@@ -88,7 +88,8 @@ struct cn_run_data {
     cn_leave leave;
     int nsample, sample_capacity;
     double *fem_ms, *collision_ms, *step_ms;
-    cn_run_visit visit; /* NULL: nobody */
+    int insertion_stride; /* steps between two notes of the bases of push drives */
+    cn_run_visit visit;   /* NULL: nobody */
     void *visitor;
 };
 

@@ -279,11 +279,15 @@ cn_status cn_run_replan(cn_run_data *run, int b)
         while (at > 0 && body->checkpoint[at].s > s)
             at--;
         body->ncheckpoint = at + 1;
-        cn_state_copy(run->state, body->checkpoint[at].state);
         cn_body_state *state = &run->state->body[b];
+        const cn_body_state *there = &body->checkpoint[at].state->body[b];
+        if (run->spec[b].drive.mode == CN_DRIVE_PUSH)
+            cn_push_back(state, there->inserted);
+        else
+            cn_state_copy(run->state, body->checkpoint[at].state);
         state->progress = -INFINITY, state->progress_time = run->state->time;
         state->s_goal =
-            cn_path_project(body->path, state->x + 3 * model->goal_node, 0, cn_path_length(body->path));
+            cn_path_project(body->path, there->x + 3 * model->goal_node, 0, cn_path_length(body->path));
         while (body->next_vertex < body->roadmap.npoint && body->vertex_s[body->next_vertex] <= state->s_goal)
             body->next_vertex++;
     }
