@@ -142,9 +142,11 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
     }
     for (int i = 0; i < spec->nwaypoint; i++)
         stand_in(run, query.radius + spec->path.clearance, spec->waypoint + 3 * i, point + 3 * (i + 1));
-    query.device_diameter = catheter ? spec->shape.catheter.diameter : 0;
+    /* of a compact body the path knows only the room it asks for */
+    query.device_diameter = catheter ? spec->shape.catheter.diameter : 2 * spec->path.clearance;
     query.npoint = spec->nwaypoint + 1, query.point = point;
-    query.direction = directed ? spec->shape.catheter.direction : NULL;
+    if (directed) query.direction = spec->shape.catheter.direction;
+    if (!catheter && spec->drive.nodes == CN_NODES_EACH) query.direction = run->model->body[b].direction;
     query.nrefused = body->nrefused, query.refused = body->refused;
     query.seed = run->seed, query.samples = run->scene->planner.samples, query.budget = run->budget;
     query.threads = run->threads, query.cancel = run->hooks ? run->hooks->cancel : NULL;
