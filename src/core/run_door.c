@@ -132,8 +132,12 @@ cn_status cn_run_supported(cn_run_data *run)
     }
     if (scene->contact.method == CN_CONTACT_PENALTY)
         return unsupported(run, "contact.method", "penalty", "use strict or project");
-    if (scene->contact.friction > 0)
-        return unsupported(run, "contact.friction", "friction", "use friction: 0");
+    if (scene->contact.friction > 0 && scene->contact.method != CN_CONTACT_STRICT)
+        return unsupported(run, "contact.friction", "friction without strict contact",
+                           "use method: strict, or friction: 0");
+    if (scene->contact.friction > 0 && scene->solver.integrator != CN_INTEGRATOR_EULER)
+        return unsupported(run, "contact.friction", "friction with another integrator than euler",
+                           "use integrator: euler, or friction: 0");
     if (scene->contact.response == CN_RESPONSE_ELASTIC && scene->contact.method == CN_CONTACT_STRICT)
         return unsupported(run, "contact.response", "an elastic response in strict contact",
                            "use method: project, or inelastic");

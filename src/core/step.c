@@ -280,6 +280,31 @@ static void place_walls(cn_work *work, double from, double to)
     }
 }
 
+/* Below this a sliding in a step is the creep of what sticks: a 1e-5th of the way that the speed leads which
+ * gravity gives in a step, or the drive asks for; without either, of contact's gap. */
+static double slip_of(const cn_work *work, double dt)
+{
+    const cn_model *model = work->model;
+    double speed = cn_norm(model->gravity) * model->dt;
+    for (int p = 0; p < work->npart; p++) {
+        const cn_body_spec *spec = work->part[p].body->spec;
+        if (spec->nwaypoint || spec->drive.mode != CN_DRIVE_FOLLOW) speed = fmax(speed, spec->drive.speed);
+    }
+    if (!(model->scene->contact.friction > 0)) return 0;
+    return 1e-5 * (speed > 0 ? speed * dt : work->surfaces->gap * dt / model->dt);
+}
+
+/* Friction's: where everything is at the step's start. */
+static void begin(const cn_group *g, double dt)
+{
+    cn_work *work = g->work;
+    work->slip = slip_of(work, dt);
+    work->contact->nrub = 0;
+    if (!(work->slip > 0)) return;
+    memcpy(work->begin, work->points, 3 * (size_t)work->surfaces->npoint * sizeof *work->begin); /* walls */
+    cn_touch_points(g, CN_AT_STATE, work->begin);
+}
+
 /* Everything where `state` has it: points, those that take part, axes; how many axis points. */
 static int gather(cn_work *work, const cn_state *state)
 {
@@ -392,6 +417,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
         memcpy(part->damping.value, part->matrix->value, 9 * (size_t)part->matrix->nblock * sizeof(double));
     }
     if (work->surfaces) place_walls(work, state->time, state->time + dt);
+    if (g.strict) begin(&g, dt);
     status = model->integrator == CN_INTEGRATOR_MIDPOINT ? step_midpoint(&g, state->time, figures)
              : model->integrator == CN_INTEGRATOR_TRBDF2 ? step_trbdf2(&g, state->time, dt, figures)
                                                          : step_euler(&g, state->time, figures);
@@ -489,13 +515,19 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
     double most = 0;
     cn_group g;
     group_up(&g, work, state, (cn_state *)trial, path, dt);
+    if (g.strict) {
+        place_walls(work, state->time, state->time);
+        EACH_STAGE(&g, s)
+        s->x = s->from->x, s->rotation = s->from->rotation;
+        begin(&g, dt);
+    }
     EACH_STAGE(&g, s)
     {
         cn_part *part = s->part;
         const cn_body *b = part->body->body;
         const cn_body_state *to = &trial->body[part->index];
         const size_t all = 3 * (size_t)b->nblock * sizeof(double);
-        if (b->nblock > b->nnode) s->rotation = s->from->rotation;
+        s->rotation = b->nblock > b->nnode ? s->from->rotation : to->rotation;
         external_force(s, last_stage(s, to, state->time, dt));
         memset(part->elastic, 0, all), memset(part->path, 0, all), memset(part->touch, 0, all);
         memset(part->damped, 0, all);
@@ -507,8 +539,11 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
         s->x = part->trial;
     }
     if (g.strict) {
-        if (work->surfaces) place_walls(work, state->time + dt, state->time + dt);
-        if (cn_touch_find(&g) == CN_OK) cn_touch(&g, CN_AT_STATE, false, false);
+        place_walls(work, state->time + dt, state->time + dt);
+        if (cn_touch_find(&g) == CN_OK) {
+            cn_touch_note_friction(&g);
+            cn_touch(&g, CN_AT_STATE, false, false);
+        }
     }
     EACH_STAGE(&g, s)
     most = fmax(most, residual_of(s));
