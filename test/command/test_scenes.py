@@ -128,6 +128,28 @@ class Scenes(unittest.TestCase):
         self.assertEqual(status, 0, said)
         self.unharmed(report, 0.1)  # it ends in a curve of its path
 
+    # the paper's table
+    def test_the_papers_table_stands_beside_our_figures_for_both_methods(self):
+        with tempfile.TemporaryDirectory() as folder:
+            words = [CATNAV, "study", "table1", "--scenes", "bear", "--steps", "2", "--out", folder]
+            done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            with open(os.path.join(folder, "table1.json")) as file:
+                rows = json.load(file)
+        for word in ("planning [s]", "collision [s]", "ms a step", "358.8", "3.12", "paper's method", "density 1000"):
+            self.assertIn(word, done.stdout)
+        self.assertEqual([row["method"] for row in rows], ["ours", "paper's method"])
+        for row in rows:
+            self.assertEqual(row["steps"], 2)
+            self.assertAlmostEqual(row["ms a step"], 1e3 * row["simulation [s]"] / row["steps"])
+        self.assertEqual(rows[0]["deformable nodes"], rows[1]["deformable nodes"])
+
+    def test_a_table_of_scenes_that_are_none_is_refused(self):
+        for word in ("--scenes", "--seconds"):
+            done = subprocess.run([CATNAV, "study", "table1", word, "none"], capture_output=True, text=True, timeout=60)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn("none", done.stderr)
+
 
 if __name__ == "__main__":
     unittest.main()
