@@ -125,7 +125,6 @@ cn_status cn_run_supported(cn_run_data *run)
                             (body->shape.catheter.sheath == CN_AUTO && scene->nvessel > 0);
         const cn_status status = cn_push_check(body, sheath, &run->error);
         if (status != CN_OK) return status;
-        if (body->skin_file) return unsupported(run, body->name, "a skin", "leave out `skin`");
         if (body->shape.kind == CN_SHAPE_CATHETER && body->shape.catheter.has_core &&
             body->model != CN_BODY_ROD)
             return unsupported(run, body->name, "a guidewire core in tetrahedra", "use model: rod");

@@ -266,6 +266,8 @@ void cn_run_frame(cn_run_data *run, const cn_state *state, bool wanted)
                                     .x = cn_run_points(run, b, state, model->body->nnode),
                                     .von_mises = run->body[b].von_mises,
                                     .stress_limit = INFINITY};
+        if (cn_run_skin_bring(run, b, at))
+            bodies[b].skin = run->body[b].skin, bodies[b].worn = run->body[b].worn;
         for (int i = 0; i < run->spec[b].nlimit; i++)
             if (run->spec[b].limit[i].quantity == CN_QUANTITY_STRESS &&
                 run->spec[b].limit[i].reduce == CN_REDUCE_MAX)
