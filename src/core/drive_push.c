@@ -90,17 +90,20 @@ static double stretch_of(const cn_model_body *body)
     return fmax(bend_length(body), 4 * body->diameter);
 }
 
-/* Place ahead to point at: on the path, the waypoint itself where that is nearer. */
-static void place_ahead(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
-                        double to[3])
+/* Where the way leads from, seen by the end, and to, over its length and as much again: along the path; close
+ * to a waypoint from the root to it. */
+static void way_ahead(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
+                      const section *root, double from[3], double to[3])
 {
     const double look = bend_length(body);
     const int next = state->waypoint < path->nwaypoint ? state->waypoint : path->nwaypoint - 1;
     cn_place place;
-    if (path->s[path->waypoint[next]] - state->s_goal < look) {
-        cn_copy3(body->spec->waypoint + 3 * next, to);
+    if (fabs(path->s[path->waypoint[next]] - state->s_goal) < look) {
+        cn_copy3(root->x, from), cn_copy3(body->spec->waypoint + 3 * next, to);
         return;
     }
+    cn_path_at(path, state->s_goal - look, &place);
+    cn_copy3(place.x, from);
     cn_path_at(path, state->s_goal + look, &place);
     cn_copy3(place.x, to);
 }
@@ -117,15 +120,16 @@ static double steering(const cn_model_body *body, const cn_body_state *state, co
                        double *weight)
 {
     section root;
-    double to[3], d[3];
+    double from[3], to[3], d[3];
     *weight = 0;
     if (!(bend_length(body) > 0)) return 0;
     section_at(body, state, section_behind(body, state, bend_length(body)), &root);
-    place_ahead(body, state, path, to);
-    cn_sub(to, root.x, d);
-    const double far = cn_norm(d);
+    way_ahead(body, state, path, &root, from, to);
+    cn_sub(to, from, d);
+    cn_normalise(d);
+    if (state->push.tries > 0) cn_axpy(-0.3, state->push.strayed, d);
     cn_axpy(-cn_dot(d, root.u), root.u, d);
-    *weight = far > 0 ? fmin(1, 10 * cn_norm(d) / far) : 0;
+    *weight = fmin(1, 10 * cn_norm(d));
     const double angle = remainder(angle_about(root.u, root.n, d) + side_of(state->push.tries), 2 * pi);
     return fabs(angle) > pi / 2 && angle * state->push.sense < 0 ? angle + 2 * pi * state->push.sense : angle;
 }
@@ -210,10 +214,14 @@ void cn_push_back(cn_body_state *state, double inserted)
     state->push.turned = 0;
 }
 
-/* Draws back by `way` or more, as far as it takes. */
-static void try_again(cn_body_state *state, double way)
+/* Draws back by `way` or more, as far as it takes; it will shun the side it is on now. */
+static void try_again(const cn_model_body *body, cn_body_state *state, const cn_path *path, double way)
 {
     cn_push *push = &state->push;
+    cn_place here;
+    cn_path_at(path, state->s_goal, &here);
+    cn_sub(state->x + 3 * body->goal_node, here.x, push->strayed);
+    cn_normalise(push->strayed);
     push->phase = CN_PUSH_BACK, push->tries++;
     push->mark = fmax(push->mark, push->best);
     push->until = fmax(0, state->inserted - way);
@@ -232,11 +240,17 @@ void cn_push_progress(const cn_model_body *body, cn_body_state *state, const cn_
     if (push->best > push->mark + stretch && !push->hidden)
         push->mark = push->best, push->tries = 0, push->turned = 0;
     if (fabs(angle) < pi / 2 || push->sense == 0) push->sense = angle < 0 ? -1 : 1;
+    const int next = state->waypoint < path->nwaypoint ? state->waypoint : path->nwaypoint - 1;
+    const double past = state->s_goal - path->s[path->waypoint[next]], near = body->spec->waypoint_tolerance;
+    const bool missed =
+        state->waypoint < path->nwaypoint &&
+        (past > near || (next == path->nwaypoint - 1 && fabs(past) < 0.1 * near &&
+                         cn_norm(state->v + 3 * body->goal_node) < 0.1 * body->spec->drive.speed));
     switch (push->phase) {
     case CN_PUSH_ADVANCE:
         if (push->tries < TRIES &&
-            (push->hidden || push->margin < 0.05 || state->inserted - push->best_at > stretch))
-            try_again(state, stretch * (1 + push->tries / 2));
+            (missed || push->hidden || push->margin < 0.05 || state->inserted - push->best_at > stretch))
+            try_again(body, state, path, stretch * (1 + push->tries / 2));
         else if (turns && fabs(angle) > pi / 3)
             push->phase = CN_PUSH_TURN;
         break;
@@ -244,7 +258,7 @@ void cn_push_progress(const cn_model_body *body, cn_body_state *state, const cn_
         if (!turns || fabs(angle) < pi / 9)
             push->phase = CN_PUSH_ADVANCE, push->best_at = state->inserted;
         else if (fabs(wound(body, state)) > pi && push->tries < TRIES)
-            try_again(state, stretch);
+            try_again(body, state, path, stretch);
         break;
     case CN_PUSH_BACK:
         if (state->inserted > 0 && (state->inserted > push->until || push->hidden)) break;
