@@ -68,7 +68,7 @@ def main():
     high = max(float(np.percentile(stress_of(bodies), 98)) for bodies in shown)
 
     side, up = (np.array(v, float) / np.linalg.norm(v) for v in (given.side, given.up))
-    across = np.cross(up, side)
+    across = np.cross(up, side) / np.linalg.norm(np.cross(up, side))
     up = np.cross(side, across)
     corners = []
     for data in surfaces + [body for bodies in shown for body in bodies]:

@@ -110,7 +110,7 @@ done:
 
 /* Where the Python program lies, seen from the folder of this executable: installed, or in a build folder of
  * the sources; at last where the sources were when it was built. */
-static bool find_program(char *program, size_t size, char *self, size_t self_size)
+static bool find_program(const char *name, char *program, size_t size, char *self, size_t self_size)
 {
     static const char *const places[] = {"../../share/catnav/scripts", "../../../../scripts"};
     const ssize_t length = readlink("/proc/self/exe", self, self_size - 1);
@@ -118,18 +118,28 @@ static bool find_program(char *program, size_t size, char *self, size_t self_siz
     self[length] = 0;
     const int folder = (int)(strrchr(self, '/') - self);
     for (size_t i = 0; i < sizeof places / sizeof *places; i++)
-        if (snprintf(program, size, "%.*s/%s/study/study.py", folder, self, places[i]) < (int)size &&
+        if (snprintf(program, size, "%.*s/%s/study/%s", folder, self, places[i], name) < (int)size &&
             !access(program, R_OK))
             return true;
 #ifdef CATNAV_SCRIPTS
-    if (!access(CATNAV_SCRIPTS "/study/study.py", R_OK))
-        return snprintf(program, size, "%s", CATNAV_SCRIPTS "/study/study.py") < (int)size;
+    if (snprintf(program, size, "%s/study/%s", CATNAV_SCRIPTS, name) < (int)size && !access(program, R_OK))
+        return true;
 #endif
+    fprintf(stderr, "catnav study: scripts/study/%s is not where this command was built or installed\n",
+            name);
     return false;
 }
 
-/* Everything into a folder: the program takes this process's place, so that signals and status are its own.
- */
+/* The program takes this process's place, so that signals and status are its own. words: room for a NULL. */
+static int become(const char **words, int n)
+{
+    words[n] = NULL;
+    execv("/usr/bin/python3", (char *const *)words);
+    fprintf(stderr, "catnav study: /usr/bin/python3: %s\n", strerror(errno));
+    return COMMAND_FAILED;
+}
+
+/* Everything into a folder. */
 static int study_all(int argc, char **argv)
 {
     static char program[PATH_MAX], self[PATH_MAX], count[16];
@@ -143,11 +153,7 @@ static int study_all(int argc, char **argv)
     const char *words[16];
 
     if (!command_options(&command_study, argc, argv, options, "DIR", &folder)) return COMMAND_REFUSED;
-    if (!find_program(program, sizeof program, self, sizeof self)) {
-        fputs("catnav study: scripts/study/study.py is not where this command was built or installed\n",
-              stderr);
-        return COMMAND_FAILED;
-    }
+    if (!find_program("study.py", program, sizeof program, self, sizeof self)) return COMMAND_FAILED;
     snprintf(count, sizeof count, "%d", threads);
     words[n++] = "python3", words[n++] = program;
     words[n++] = "--catnav", words[n++] = self;
@@ -155,14 +161,33 @@ static int study_all(int argc, char **argv)
     if (quick) words[n++] = "--quick";
     if (only) words[n++] = "--only", words[n++] = only;
     words[n++] = "--", words[n++] = folder;
-    words[n] = NULL;
-    execv("/usr/bin/python3", (char *const *)words);
-    fprintf(stderr, "catnav study: /usr/bin/python3: %s\n", strerror(errno));
-    return COMMAND_FAILED;
+    return become(words, n);
+}
+
+/* The first paper's table. Its options are the program's own. */
+static int study_table1(int argc, char **argv)
+{
+    static char program[PATH_MAX], self[PATH_MAX];
+    const char *words[32];
+    int n = 0;
+    for (int i = 0; i < argc; i++)
+        if (!strcmp(argv[i], "--help"))
+            return fputs(command_study.help, stdout) < 0 ? COMMAND_FAILED : COMMAND_OK;
+    if (argc > 24) {
+        fputs("catnav study table1: too many options\n", stderr);
+        return COMMAND_REFUSED;
+    }
+    if (!find_program("table1.py", program, sizeof program, self, sizeof self)) return COMMAND_FAILED;
+    words[n++] = "python3", words[n++] = program;
+    words[n++] = "--catnav", words[n++] = self;
+    for (int i = 0; i < argc; i++)
+        words[n++] = argv[i];
+    return become(words, n);
 }
 
 static int study_one(int argc, char **argv)
 {
+    if (argc > 0 && !strcmp(argv[0], "table1")) return study_table1(argc - 1, argv + 1);
     if (argc > 0) return strcmp(argv[0], "paper") ? study_all(argc, argv) : study_paper(argc - 1, argv + 1);
     fputs("usage: catnav study DIR [options], or catnav study paper SCENE.yaml [options];\n"
           "see catnav study --help\n",
@@ -175,7 +200,8 @@ static const char help[] =
     "    catnav study - accuracy, stability and speed, measured\n\n"
     "SYNOPSIS\n"
     "    catnav study DIR [--quick] [--only PART] [--threads N]\n"
-    "    catnav study paper SCENE.yaml [--out DIR] [--set KEY=VALUE]... [--threads N] [--quiet]\n\n"
+    "    catnav study paper SCENE.yaml [--out DIR] [--set KEY=VALUE]... [--threads N] [--quiet]\n"
+    "    catnav study table1 [--scenes NAME,...] [--seconds S] [--steps N] [--out DIR] [--threads N]\n\n"
     "DESCRIPTION\n"
     "    DIR     Error against run time for every body model, solver, integrator and the first paper's\n"
     "            method on problems with known answers; what happens under extreme stiffness, steps,\n"
@@ -194,10 +220,17 @@ static const char help[] =
     "            not converge and the worst |b - A x| / |b| among them; Newton iterations; crossing\n"
     "            triangle pairs and points outside the free space, summed over the steps; how far the tip\n"
     "            is from the own method's at the end.\n\n"
+    "    table1  Runs the first paper's scenes (bear, snake, fish, artery) whole, by their own method and\n"
+    "            by the paper's, and prints its Table 1 with our columns beside it: nodes, planning,\n"
+    "            simulation, collision, milliseconds a step; DIR/table1.csv and DIR/table1.json. A scene\n"
+    "            that is not there is left out and said. Takes some minutes a scene.\n\n"
     "OPTIONS\n"
     "    --quick          the same on fewer and smaller cases, in a minute\n"
     "    --only PART      accuracy, stability, speed or left_out alone\n"
-    "    --out DIR        of paper: where CSV and JSON go (default: build/study)\n"
+    "    --scenes NAME,.. of table1: these alone\n"
+    "    --seconds S      of table1: wall time that one run may take (default: 900)\n"
+    "    --steps N        of table1: of every run the first N steps alone\n"
+    "    --out DIR        of paper and table1: where CSV and JSON go (default: build/study)\n"
     "    --set KEY=VALUE  of paper: changes the scene before it is read, as in catnav run\n"
     "    --threads N      worker threads (default: one a core)\n"
     "    --quiet          of paper: prints errors only\n\n"

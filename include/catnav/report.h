@@ -77,6 +77,13 @@ typedef struct {
     double time_saved_s, error; /* NAN: not measured */
 } cn_left_out;
 
+/* Where the base of a push drive was: what a robot would run. */
+typedef struct {
+    int body, step;
+    double time, advance,
+        twist; /* [s]; of the tip past the entry along the device [m]; about its axis [rad] */
+} cn_insertion;
+
 typedef struct {
     char scene[128];
     unsigned seed;
@@ -98,6 +105,8 @@ typedef struct {
     } contact; /* gap NAN: no walls */
     struct {
         double force_max, work;
+        int ninsertion; /* at most 1,000 for each body with a push drive, in equal steps and the last one */
+        cn_insertion *insertion;
     } drive;
     int nlimit;
     cn_limit_report *limit;

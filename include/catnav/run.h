@@ -7,6 +7,7 @@
 #include "catnav/body.h"
 #include "catnav/plan.h"
 #include "catnav/report.h"
+#include "catnav/skin.h"
 #include "catnav/world.h"
 
 #ifdef __cplusplus
@@ -16,11 +17,13 @@ extern "C" {
 /* A deforming body (or deformable wall) as it is now; all pointers are valid during the callback only. */
 typedef struct {
     const char *name;
-    const cn_body *body;     /* topology: npoint, point (at rest), tet, mid, boundary */
-    int nactive;             /* points out of the sheath */
-    const double *x;         /* positions of the points [m] (npoint x 3) */
-    const double *von_mises; /* as cn_body_measure fills it [Pa] */
-    double stress_limit;     /* its limit [Pa], INFINITY: none */
+    const cn_body *body;       /* topology: npoint, point (at rest), tet, mid, boundary */
+    int nactive;               /* points out of the sheath */
+    const double *x;           /* positions of the points [m] (npoint x 3) */
+    const double *von_mises;   /* as cn_body_measure fills it [Pa] */
+    double stress_limit;       /* its limit [Pa], INFINITY: none */
+    const cn_skin *skin;       /* that it wears, NULL: none */
+    const cn_skin_state *worn; /* the skin as it is now */
 } cn_frame_body;
 
 typedef struct {

@@ -176,6 +176,10 @@ typedef struct {
     cn_deviation *deviation;
 } cn_path_spec;
 
+/* A surface that a body carries: what it is made from, and how it hangs (skin.h). */
+typedef enum { CN_SKIN_NONE, CN_SKIN_TUBE, CN_SKIN_FILE, CN_SKIN_SPHERES } cn_skin_source;
+typedef enum { CN_SKIN_AUTO = -1, CN_SKIN_BLEND, CN_SKIN_EMBED } cn_skin_kind;
+
 typedef struct {
     char *name;
     cn_shape shape;
@@ -197,8 +201,11 @@ typedef struct {
     cn_path_spec path;
     int nlimit;
     cn_limit *limit;
+    cn_skin_source skin_source;
+    cn_skin_kind skin_kind; /* CN_SKIN_AUTO: by the model */
+    int skin_sides, skin_anchors;
+    double skin_cell; /* [m], 0: half the radius of molecules */
     char *skin_file;
-    int skin_anchors;
     const cn_surface_spec *wall; /* a wall that gives way, for which it stands: set by a run, else NULL */
 } cn_body_spec;
 

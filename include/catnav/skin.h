@@ -24,11 +24,8 @@ extern "C" {
 
 #define CN_SKIN_ANCHORS 8 /* most of a vertex */
 
-typedef enum {
-    CN_SKIN_BLEND, /* on nearest anchors, as above */
-    CN_SKIN_EMBED  /* on the nodes of its tetrahedron, by its shape functions: x = sum_a N_a p_a */
-} cn_skin_kind;
-
+/* CN_SKIN_BLEND: on nearest anchors, as above. CN_SKIN_EMBED: on the nodes of its tetrahedron, by its shape
+ * functions: x = sum_a N_a p_a. */
 typedef struct {
     cn_skin_kind kind;
     int nvert, ntri, nanchor; /* anchors: of EMBED the nodes */
@@ -85,11 +82,13 @@ cn_status cn_skin_update(const cn_skin *skin, const double *place, const double 
 void cn_skin_pull(const cn_skin *skin, const cn_skin_state *state, const double *place, const double *force,
                   double *to, double *moment);
 
-/* Rotations of a body's points as anchors (npoint x 4 unit quaternions): of tetrahedra the normalised sum of
- * the rotations (nturn x 4) of elements around, each with the sign that points the way of the sum; second
- * order: of their integration points. A rod's points take their node's frame. Points that belong to no
- * element keep the identity. */
-void cn_skin_rotations(const cn_body *body, const double *rotation, double *turn);
+/* Rotations of a body's nodes as anchors at x (turn: nnode x 4 unit quaternions). A rod's are its frames at
+ * the start of the step, which are those at x between steps (rest: cn_body_rotation_start); molecules' those
+ * of their local frames. Tetrahedra: the normalised sum of the rotations (nturn x 4) of the elements around,
+ * of second order of their integration points, each with the sign that points the way of the sum so far.
+ * Nodes of no element keep the identity. */
+void cn_skin_rotations(const cn_body *body, const double *x, const double *rotation, double *turn,
+                       struct cn_pool *pool);
 
 /* Largest angle [rad] between the normals of two triangles with a common edge; those without area are passed
  * over. 0 where there is no such edge. CN_ERR_MEMORY. */

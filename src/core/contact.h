@@ -120,8 +120,11 @@ typedef struct cn_contact {
     double gap_listed;  /* pairs that can come nearer than this are listed [m] */
     int *patch;         /* union-find over points */
     double *patch_force;
-    struct cn_link *link; /* of the last cn_contact_add with stiffness (capacity) */
+    struct cn_link *link; /* of the last cn_contact_add with stiffness (3 capacity: friction's two besides) */
     int nlink;
+    struct cn_rub *rub; /* where friction acts as last noted (capacity) */
+    int nrub;
+    double lead;                    /* how hard those that stop are led there: contact_friction.c */
     struct cn_contact_space *space; /* where the free space is while walls bend and move (contact_space.c) */
 } cn_contact;
 cn_status cn_contact_new(cn_contact **out, const cn_contact_model *model);
@@ -155,6 +158,11 @@ typedef struct cn_link {
     double n[3]; /* unit */
     double k;    /* >= 0 [N/m] */
 } cn_link;
+/* A pair that rubs; its link has the normal as n, and as k the bound of the friction, mu N [N]. */
+typedef struct cn_rub {
+    cn_link link;
+    bool stops; /* a motion took its sliding past nothing and back: it is to stick, or slide from there */
+} cn_rub;
 /* Barrier energy [J] at x; adds the force on the points to f (may be NULL) and its stiffness to the matrices
  * of hang (nsurface; NULL: none). Pairs with something that does not give way: the whole second derivative
  * when exact (mollifier aside), else its positive Gauss-Newton part. Pairs of which both sides give way: the
@@ -162,6 +170,18 @@ typedef struct cn_link {
  * comes of arms' turning is cn_body_pull's. INFINITY when a distance is not positive. */
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
                       const cn_hang *hang, bool exact, cn_pool *pool);
+/* Coulomb's friction (contact_friction.c): notes where and how hard pairs press at x, ... */
+void cn_contact_note_friction(const cn_contact_model *model, cn_contact *contact, const double *x,
+                              double friction, cn_pool *pool);
+/* ... and as noted then, the potential [J] of sliding between `start` and x: added to force, stiffness (all
+ * of it positive) and links after cn_contact_add. Sliding by less than `slip` [m] counts as sticking. */
+double cn_contact_add_friction(const cn_contact_model *model, cn_contact *contact, const double *x,
+                               const double *start, double slip, double *f, const cn_hang *hang);
+/* After a motion from x to `to` that was too long: notes which pairs it made slide back. */
+bool cn_contact_friction_gently(
+    cn_contact *contact); /* that did not serve either: true where there is another */
+void cn_contact_friction_overshot(cn_contact *contact, const double *x, const double *to, const double *start,
+                                  double slip);
 /* Largest fraction in [0, 1] of the motion dx from x that keeps every pair at least `keep` of its distance
  * apart all along: conservative. The motion must stay within the reach. */
 double cn_contact_motion(const cn_contact_model *model, cn_contact *contact, const double *x,

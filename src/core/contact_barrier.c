@@ -150,9 +150,7 @@ static void add_block(cn_matrix *a, int i, int j, const double h[9])
         block[k] += h[k];
 }
 
-/* Adds the stiffness h between a surface's points i and j: J' h J by the blocks they hang on, J = (I, arm).
- */
-static void add_stiffness(const cn_hang *hang, int i, int j, const double h[9])
+void cn_contact_stiffen(const cn_hang *hang, int i, int j, const double h[9])
 {
     const cn_carry *carry = hang->carry;
     if (!carry) {
@@ -192,7 +190,7 @@ static void add_pair_stiffness(const cn_contact_model *model, cn_contact *contac
             if (rest != 0) half_square_hessian(at, k, l, h);
             for (int r = 0; r < 9; r++)
                 h[r] = s * at->direction[r / 3] * at->direction[r % 3] + (rest != 0 ? rest * h[r] : 0);
-            add_stiffness(&hang[pair->surface[k >= n]], pair->p[k] - first, pair->p[l] - first, h);
+            cn_contact_stiffen(&hang[pair->surface[k >= n]], pair->p[k] - first, pair->p[l] - first, h);
         }
     if (whole || (!gives[0] && !gives[1])) return;
     cn_link *link = &contact->link[contact->nlink++];
@@ -233,6 +231,20 @@ double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const 
                                exact ? kappa * m * b1 / at.distance : 0, hang);
     }
     return energy;
+}
+
+bool cn_pair_press(const cn_contact_model *model, const cn_pair *pair, const double *x, double w[4],
+                   double n[3], double *force)
+{
+    double b, b1, b2, dm[2][3];
+    nearest at;
+    nearest_of(pair, x, &at);
+    if (!(at.distance > 0) || !(at.distance < pair->gap) || passed_over(model, pair, x, &at)) return false;
+    barrier(at.distance, pair->gap, &b, &b1, &b2);
+    memcpy(w, at.weight, sizeof at.weight);
+    cn_copy3(at.direction, n);
+    *force = -pair->kappa * mollifier(pair, x, dm) * b1;
+    return true;
 }
 
 /* --- what pushes on a surface --- */

@@ -186,9 +186,11 @@ static cn_status pair_memory(cn_contact *contact, int capacity)
     if (distance) contact->distance = distance;
     double *limit = realloc(contact->limit, ((size_t)capacity / 64 + 1) * sizeof *limit);
     if (limit) contact->limit = limit;
-    cn_link *link = realloc(contact->link, (size_t)capacity * sizeof *link);
+    cn_link *link = realloc(contact->link, 3 * (size_t)capacity * sizeof *link);
     if (link) contact->link = link;
-    if (!pair || !distance || !limit || !link) return CN_ERR_MEMORY;
+    cn_rub *rub = realloc(contact->rub, (size_t)capacity * sizeof *rub);
+    if (rub) contact->rub = rub;
+    if (!pair || !distance || !limit || !link || !rub) return CN_ERR_MEMORY;
     contact->capacity = capacity;
     return CN_OK;
 }
@@ -259,6 +261,7 @@ void cn_contact_free(cn_contact *contact)
         cn_tree_free(contact->part[p].tree), free(contact->part[p].pair);
     free(contact->part), free(contact->found);
     free(contact->pair), free(contact->distance), free(contact->limit), free(contact->link);
+    free(contact->rub);
     free(contact->from), free(contact->end), free(contact->patch), free(contact->patch_force);
     cn_contact_space_free(contact->space);
     free(contact);

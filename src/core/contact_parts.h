@@ -104,6 +104,14 @@ void cn_contact_refit(const cn_contact_model *model, cn_contact *contact, const 
 void cn_contact_measure(const cn_contact_model *model, cn_contact *contact, const double *x, bool all,
                         cn_pool *pool);
 
+/* Where and how hard the barrier pushes a pair: weights and normal as in contact_barrier.c, force >= 0 [N];
+ * false where it does not, or where neighbours in a flat wall do it. */
+bool cn_pair_press(const cn_contact_model *model, const cn_pair *pair, const double *x, double w[4],
+                   double n[3], double *force);
+/* Adds the stiffness h between a surface's points i and j: J' h J by the blocks they hang on, J = (I, arm).
+ */
+void cn_contact_stiffen(const cn_hang *hang, int i, int j, const double h[9]);
+
 /* The free space as the walls lie at x. Where all rest it is the world's. */
 cn_status cn_contact_space_new(struct cn_contact_space **out, const cn_contact_model *model,
                                const cn_contact *contact);

@@ -18,7 +18,7 @@
 #include <string.h>
 #include "catnav/vec3.h"
 
-static double lookahead(const cn_model_body *body)
+double cn_drive_lookahead(const cn_model_body *body)
 {
     const cn_drive_spec *drive = &body->spec->drive;
     const double run = 10 * drive->speed * body->tick, near = 4 * drive->path_distance;
@@ -35,9 +35,7 @@ static double project(const cn_path *path, const double x[3], double low, double
     return end + fmax(0, cn_dot(past, path->tangent + 3 * (path->n - 1)));
 }
 
-/* Arc length at which the drive aims: the last waypoint, but no farther past the next one than its tolerance
- * allows while that is not reached. */
-static double aim(const cn_model_body *body, const cn_body_state *state, const cn_path *path)
+double cn_drive_aim(const cn_model_body *body, const cn_body_state *state, const cn_path *path)
 {
     const int next = state->waypoint < path->nwaypoint ? state->waypoint : path->nwaypoint - 1;
     const double s = path->s[path->waypoint[next]], end = cn_path_length(path);
@@ -50,7 +48,7 @@ static double aim(const cn_model_body *body, const cn_body_state *state, const c
 static double goal_seeking(const cn_model_body *body, const cn_path *path, double s, double target,
                            double to[3])
 {
-    const double far = lookahead(body), left = target - s, rest = body->spec->drive.rest_length;
+    const double far = cn_drive_lookahead(body), left = target - s, rest = body->spec->drive.rest_length;
     cn_place here, ahead;
     cn_path_at(path, s, &here);
     cn_path_at(path, s + far, &ahead);
@@ -64,20 +62,21 @@ static double full_weight(const cn_model_body *body, double curvature)
 {
     const double bend =
         body->diameter > 0 ? body->bending * curvature / (body->diameter * body->diameter) : 0;
-    return body->spec->drive.speed / body->tick + sqrt(bend * lookahead(body)) / body->tick;
+    return body->spec->drive.speed / body->tick + sqrt(bend * cn_drive_lookahead(body)) / body->tick;
 }
 
 static void prepare_each(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
                          double dt, cn_drive *drive)
 {
-    const double target = aim(body, state, path), margin = 2 * body->diameter + 0.5 * lookahead(body);
+    const double target = cn_drive_aim(body, state, path),
+                 margin = 2 * body->diameter + 0.5 * cn_drive_lookahead(body);
     const double speed = body->spec->drive.speed;
     const int group = body->catheter ? body->per_section : 1;
     /* near a waypoint the leading end is steered as in a bend of 20 diameters, so that it meets its tolerance
      */
     const bool arriving =
         body->diameter > 0 && state->waypoint < path->nwaypoint &&
-        fabs(path->s[path->waypoint[state->waypoint]] - state->s_goal) < 2 * lookahead(body);
+        fabs(path->s[path->waypoint[state->waypoint]] - state->s_goal) < 2 * cn_drive_lookahead(body);
     double s = state->s_goal, last = 0;
 
     for (int first = 0; first < state->nfree; first += group) {
@@ -109,7 +108,7 @@ static void prepare_each(const cn_model_body *body, const cn_body_state *state, 
             drive->weight[i] = mass * full;
             drive->lead[i] = share * speed * dt;
             drive->pull[i] = mass * full / (speed * dt);
-            drive->hold[i] = leads ? mass * full / lookahead(body) : 0;
+            drive->hold[i] = leads ? mass * full / cn_drive_lookahead(body) : 0;
         }
     }
     drive->from = state->x;
@@ -122,7 +121,7 @@ static void prepare_uniform(const cn_model_body *body, const cn_body_state *stat
     cn_place place;
     double a[3], to[3], away[3];
     cn_path_at(path, state->s_goal, &place);
-    const double share = goal_seeking(body, path, state->s_goal, aim(body, state, path), to);
+    const double share = goal_seeking(body, path, state->s_goal, cn_drive_aim(body, state, path), to);
     for (int k = 0; k < 3; k++) /* half the difference to the wished speed in a step */
         a[k] = 0.5 / body->tick * (share * body->spec->drive.speed * to[k] - v[k]);
     cn_sub(x, place.x, away);
@@ -145,14 +144,18 @@ void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, con
     memset(drive->pull, 0, n * sizeof *drive->pull);
     memset(drive->hold, 0, n * sizeof *drive->hold);
     drive->distance = body->spec->drive.path_distance;
-    drive->advance = 0;
+    drive->advance = drive->turn = 0, drive->nfree = state->nfree;
     if (!path) return;
+    if (body->spec->drive.mode == CN_DRIVE_PUSH) {
+        cn_push_prepare(body, state, path, dt, drive);
+        return;
+    }
     if (body->spec->drive.nodes == CN_NODES_EACH)
         prepare_each(body, state, path, dt, drive);
     else
         prepare_uniform(body, state, path, drive);
     if (body->sheath) { /* the base runs at the drive's speed, slower over the last stretch */
-        const double ahead = aim(body, state, path) - state->s_goal, far = lookahead(body);
+        const double ahead = cn_drive_aim(body, state, path) - state->s_goal, far = cn_drive_lookahead(body);
         const double left = ahead >= 0 ? fmax(ahead - body->spec->drive.rest_length, 0) : ahead;
         const double share = left > far ? 1 : left < -far ? -1 : left / far;
         drive->advance = share * body->spec->drive.speed * dt;
@@ -216,26 +219,28 @@ static double force_left(const cn_model_body *body, const cn_body_state *state, 
     cn_place place = {.curvature = 0};
     if (path) cn_path_at(path, state->s_goal, &place);
     return body->body->mass[body->goal_node] * full_weight(body, place.curvature) *
-           fmin(1, miss / lookahead(body));
+           fmin(1, miss / cn_drive_lookahead(body));
 }
 
 void cn_drive_progress(const cn_model_body *body, cn_body_state *state, const cn_path *path)
 {
     const cn_drive_spec *drive = &body->spec->drive;
     const double *goal = state->x + 3 * body->goal_node;
-    const double near = 4 * lookahead(body);
+    const double near = 4 * cn_drive_lookahead(body);
     if (path) state->s_goal = project(path, goal, state->s_goal - near, state->s_goal + near);
     while (state->waypoint < body->spec->nwaypoint) {
         const double *q = body->spec->waypoint + 3 * state->waypoint;
         const double miss = fabs(cn_distance(goal, q) - drive->rest_length);
         if (!(miss <= body->spec->waypoint_tolerance)) break;
-        if (drive->force_threshold >= 0 && force_left(body, state, path, miss) > drive->force_threshold)
+        if (drive->mode == CN_DRIVE_FOLLOW && drive->force_threshold >= 0 &&
+            force_left(body, state, path, miss) > drive->force_threshold)
             break;
         if (state->waypoint == body->spec->nwaypoint - 1 &&
             !(cn_norm(state->v + 3 * body->goal_node) <= 0.1 * drive->speed))
             break;
         state->waypoint++;
     }
+    if (path && drive->mode == CN_DRIVE_PUSH) cn_push_progress(body, state, path);
 }
 
 bool cn_drive_arrived(const cn_model_body *body, const cn_body_state *state)

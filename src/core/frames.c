@@ -110,7 +110,7 @@ static cn_status read_index(const char *path, char **text, cn_error *error)
 }
 
 /* The piece that the line names, and its step; false where it is not as we write them: a plain name without
- * folders, NAME_STEP.vtu. */
+ * folders, NAME_STEP.vtu or NAME_skin_STEP.vtp. */
 static bool parse_line(const char *line, size_t size, char *name, int *step)
 {
     const char *end = strchr(line, '\n'), *from = strstr(line, " file=\"");
@@ -123,7 +123,9 @@ static bool parse_line(const char *line, size_t size, char *name, int *step)
     const char *number = strrchr(name, '_');
     if (!number) return false;
     const size_t digits = strspn(++number, "0123456789");
-    if (digits < 1 || digits > 10 || strcmp(number + digits, ".vtu")) return false;
+    const bool skin = number - name > 6 && !strncmp(number - 6, "_skin_", 6);
+    if (digits < 1 || digits > 10) return false;
+    if (strcmp(number + digits, ".vtu") && !(skin && !strcmp(number + digits, ".vtp"))) return false;
     const long long value = strtoll(number, NULL, 10);
     *step = value > INT_MAX ? INT_MAX : (int)value;
     return true;
@@ -229,20 +231,39 @@ static void sanitise(const char *name, size_t size, char *out)
     out[n] = 0;
 }
 
-/* NAME_STEP.vtu; where another piece of the frame has the same plain name: NAME-INDEX_STEP.vtu. */
-static void piece_name(const cn_frame *frame, int ibody, size_t size, char *out)
+/* NAME_STEP.vtu, of its skin NAME_skin_STEP.vtp; where another body of the frame has the same plain name:
+ * NAME-INDEX. */
+static void piece_name(const cn_frame *frame, int ibody, bool skin, size_t size, char *out)
 {
-    char own[64], other[64];
+    char own[64], other[64], index[16] = "";
     bool taken = false;
     sanitise(frame->body[ibody].name, sizeof own, own);
     for (int j = 0; j < ibody && !taken; j++) {
         sanitise(frame->body[j].name, sizeof other, other);
         taken = !strcmp(own, other);
     }
-    if (taken)
-        snprintf(out, size, "%s-%d_%d.vtu", own, ibody, frame->step);
-    else
-        snprintf(out, size, "%s_%d.vtu", own, frame->step);
+    if (taken) snprintf(index, sizeof index, "-%d", ibody);
+    snprintf(out, size, "%s%s%s_%d.%s", own, index, skin ? "_skin" : "", frame->step, skin ? "vtp" : "vtu");
+}
+
+/* Writes piece i: bodies first, then their skins; its entry of the index is added where there is one. */
+static cn_status write_piece(const cn_frames *frames, const cn_frame *frame, int i, size_t most,
+                             char *entries, cn_error *error)
+{
+    const bool skin = i >= frame->nbody;
+    const cn_frame_body *body = &frame->body[i % frame->nbody];
+    char name[112], time[32];
+    if (skin && !body->skin) return CN_OK;
+    piece_name(frame, i % frame->nbody, skin, sizeof name, name);
+    char *path = join(frames->folder, name);
+    if (!path) return out_of_memory(error, frames->folder);
+    const cn_status status = skin ? cn_skin_write_vtp(body, path, error) : cn_vtu_write(body, path, error);
+    free(path);
+    cn_vtk_number(frame->time, sizeof time, time);
+    const size_t length = strlen(entries);
+    snprintf(entries + length, most - length, "<DataSet timestep=\"%s\" part=\"%d\" file=\"%s\"/>\n", time, i,
+             name);
+    return status;
 }
 
 /* The frame of `step` is written, its entries are not: they take the place of those of this step and later
@@ -263,29 +284,18 @@ static cn_status go_back(cn_frames *frames, int step, const char *entries, cn_er
 
 cn_status cn_frames_write(cn_frames *frames, const cn_frame *frame, cn_error *error)
 {
-    const size_t most = 256 * (size_t)frame->nbody + sizeof tail;
-    char *entries = malloc(most), *path = NULL;
+    const size_t most = 512 * (size_t)frame->nbody + sizeof tail;
+    char *entries = malloc(most);
     cn_status status = CN_OK;
-    size_t length = 0;
 
     if (!entries) return out_of_memory(error, frames->folder);
     *entries = 0;
     if (!isfinite(frame->time))
         status =
             cn_fail(error, CN_ERR_NOT_FINITE, frames->folder, 0, "frame %d has no finite time", frame->step);
-    for (int i = 0; i < frame->nbody && status == CN_OK; i++) {
-        char name[96], time[32];
-        piece_name(frame, i, sizeof name, name);
-        if (!(path = join(frames->folder, name))) {
-            status = out_of_memory(error, frames->folder);
-            break;
-        }
-        status = cn_vtu_write(&frame->body[i], path, error);
-        free(path);
-        cn_vtk_number(frame->time, sizeof time, time);
-        length += (size_t)snprintf(entries + length, most - length,
-                                   "<DataSet timestep=\"%s\" part=\"%d\" file=\"%s\"/>\n", time, i, name);
-    }
+    for (int i = 0; i < 2 * frame->nbody && status == CN_OK; i++)
+        status = write_piece(frames, frame, i, most, entries, error);
+    const size_t length = strlen(entries);
     if (status == CN_OK && frame->step <= frames->last)
         status = go_back(frames, frame->step, entries, error);
     else if (status == CN_OK) { /* the tail over where it was and beyond: never shorter than before */

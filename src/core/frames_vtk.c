@@ -135,8 +135,14 @@ done:
     return status;
 }
 
-/* Points (npoint x 3), their clearance (may be NULL), and cells of one kind with `width` corners each. */
-static cn_status write_vtp(const char *path, int npoint, const double *x, const double *clearance,
+/* Points (npoint x 3), figures of theirs, and cells of one kind with `width` corners each. */
+typedef struct {
+    const char *name; /* NULL: ends the list */
+    int components;
+    const double *data;
+} figures;
+
+static cn_status write_vtp(const char *path, int npoint, const double *x, const figures *with,
                            const char *kind, int ncell, const int *corner, int width, cn_error *error)
 {
     cn_output output;
@@ -154,7 +160,9 @@ static cn_status write_vtp(const char *path, int npoint, const double *x, const 
                 "<Piece NumberOfPoints=\"%d\" NumberOfVerts=\"0\" NumberOfLines=\"%d\" NumberOfStrips=\"0\" "
                 "NumberOfPolys=\"%d\">\n<PointData>\n",
                 npoint, lines ? ncell : 0, lines ? 0 : ncell);
-        if (clearance) announce(&a, "clearance", "Float64", 1, clearance, (size_t)npoint * sizeof(double));
+        for (; with && with->name; with++)
+            announce(&a, with->name, "Float64", with->components, with->data,
+                     (size_t)with->components * (size_t)npoint * sizeof(double));
         fputs("</PointData>\n<Points>\n", output.file);
         announce(&a, "Points", "Float64", 3, x, 3 * (size_t)npoint * sizeof(double));
         fprintf(output.file, "</Points>\n<%s>\n", kind);
@@ -165,6 +173,29 @@ static cn_status write_vtp(const char *path, int npoint, const double *x, const 
         status = cn_output_commit(&output, error);
     }
     free(offset);
+    return status;
+}
+
+cn_status cn_skin_write_vtp(const cn_frame_body *body, const char *path, cn_error *error)
+{
+    const cn_skin *skin = body->skin;
+    const size_t n = 3 * (size_t)skin->nvert;
+    double *displacement = malloc((n + 1) * sizeof *displacement);
+    cn_status status;
+    if (!displacement)
+        return cn_fail(error, CN_ERR_MEMORY, path, 0, "out of memory while a frame is written");
+    for (size_t i = 0; i < n; i++) { /* rows are in another order than vertices */
+        const size_t to = 3 * (size_t)skin->vertex[i / 3] + i % 3;
+        displacement[to] = body->worn->x[to] - (skin->centre[i % 3] + skin->rest[i]);
+    }
+    const figures with[] = {
+        {"normal", 3, body->worn->normal}, {"displacement", 3, displacement}, {NULL, 0, NULL}};
+    if (!all_finite(n, displacement) || !all_finite(n, body->worn->normal))
+        status = cn_fail(error, CN_ERR_NOT_FINITE, path, 0,
+                         "the skin of %s has a position that is not finite", body->name);
+    else
+        status = write_vtp(path, skin->nvert, body->worn->x, with, "Polys", skin->ntri, skin->tri, 3, error);
+    free(displacement);
     return status;
 }
 
@@ -185,10 +216,10 @@ cn_status cn_path_write_vtp(const cn_path *path, const char *file, cn_error *err
     cn_status status = CN_OK;
     if (!all_finite(3 * (size_t)path->n, path->x))
         status = cn_fail(error, CN_ERR_NOT_FINITE, file, 0, "the path has a point that is not finite");
+    const figures with[] = {{"clearance", 1, path->clearance}, {NULL, 0, NULL}};
     const bool clear = status == CN_OK && all_finite((size_t)path->n, path->clearance);
     if (status == CN_OK)
-        status = write_vtp(file, path->n, path->x, clear ? path->clearance : NULL, "Lines", 1, corner,
-                           path->n, error);
+        status = write_vtp(file, path->n, path->x, clear ? with : NULL, "Lines", 1, corner, path->n, error);
     free(corner);
     return status;
 }

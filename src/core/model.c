@@ -63,6 +63,29 @@ static cn_status lay_catheter(cn_model_body *body, cn_tets *mesh, double **along
     return CN_OK;
 }
 
+static bool is_bent(const cn_body_spec *spec)
+{
+    return spec->shape.kind == CN_SHAPE_CATHETER && spec->drive.mode == CN_DRIVE_PUSH &&
+           spec->drive.bend_curvature > 0 && spec->drive.bend_length > 0;
+}
+
+/* Bends the mesh of a laid catheter, its rest shape, towards the normal over its end; it starts as it was. */
+static cn_status bend_mesh(cn_model_body *body, cn_tets *mesh)
+{
+    const double length = body->spec->drive.bend_length, k = body->spec->drive.bend_curvature;
+    const size_t size = 3 * (size_t)mesh->nnode * sizeof(double);
+    if (!(body->start = malloc(size))) return CN_ERR_MEMORY;
+    memcpy(body->start, mesh->node, size);
+    for (int i = 0; i < mesh->nnode; i++) {
+        const double arc = length - body->behind[i], c = cos(k * arc), s = sin(k * arc);
+        const double *o = body->offset + 2 * i;
+        if (!(arc > 0)) continue;
+        cn_axpy(s / k - o[0] * s - arc, body->direction, mesh->node + 3 * i);
+        cn_axpy((1 - c) / k + o[0] * c - o[0], body->normal, mesh->node + 3 * i);
+    }
+    return CN_OK;
+}
+
 /* EI over mass per length [m^4/s^2] of the device as its model has it. */
 static double bending_of(const cn_body_spec *spec)
 {
@@ -109,6 +132,8 @@ static cn_status build_rod(cn_model_body *out, const cn_tets *skin, cn_error *er
         const double along = catheter ? length * ((i + 0.5) / (n - 1)) : NAN;
         status =
             cn_section_of(&section[i], shape, material, cn_material_young(material, centre, along), error);
+        const double bent = out->spec->drive.bend_length * (n - 1) / length - i; /* of this segment */
+        if (is_bent(out->spec)) section[i].bend = out->spec->drive.bend_curvature * fmin(fmax(bent, 0), 1);
     }
     if (status == CN_OK)
         status = cn_body_new_rod(&out->body, n, axis, catheter ? out->normal : normal, section, skin, NULL,
@@ -237,13 +262,15 @@ static cn_status build_body(cn_model_body *out, const cn_world *world, unsigned 
              : spec->wall ? cn_model_fill_wall(&mesh, &world->wall[out->wall], spec->model, error)
                           : cn_model_mesh(&mesh, &spec->shape, spec->model, error);
     if (status != CN_OK) goto done;
-
     if (spec->shape.kind == CN_SHAPE_CATHETER) {
         if ((status = lay_catheter(out, mesh, &along)) != CN_OK) goto done;
         out->sheath = spec->shape.catheter.sheath == CN_ON ||
                       (spec->shape.catheter.sheath == CN_AUTO && world->nvessel > 0);
         out->bending = bending_of(spec);
+        if (is_bent(spec) && spec->model != CN_BODY_ROD && (status = bend_mesh(out, mesh)) != CN_OK)
+            goto done;
     }
+    if ((status = cn_push_check(spec, out->sheath, error)) != CN_OK) goto done;
     status = sheet ? cn_body_new_wall(&out->body, world->wall[out->wall].surface, &spec->wall->wall, error)
              : spec->model == CN_BODY_MOLECULES ? build_molecules(out, world, seed, error)
              : spec->model == CN_BODY_ROD       ? build_rod(out, mesh, error)
@@ -278,6 +305,7 @@ static cn_status build_body(cn_model_body *out, const cn_world *world, unsigned 
     if ((status = drive_geometry(out, error)) != CN_OK) goto done;
     if (spec->start_file) {
         status = CN_ERR_MEMORY;
+        free(out->start);
         if (!(out->start = malloc(3 * n * sizeof *out->start))) goto done;
         if ((status = cn_positions_read(spec->start_file, body->nnode, out->start, error)) != CN_OK)
             goto done;

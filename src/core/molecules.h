@@ -72,16 +72,18 @@ void cn_molecule_rotations(const cn_molecule_frames *frames, const double *x, do
 
 /* Advances x, v (nnode x 3) by dt with the forces `force` [N] (nnode x 3, NULL: none) on the molecules, those
  * `held` (nnode, NULL: none) staying: symplectic Euler, v += h a(x, v), x += h v, with the springs, a damper
- * c = damping_stiffness k along each link, and friction `damping` m v. It takes the fewest equal substeps h
- * below 0.9 of the stable one, h w <= 2 (sqrt(1 + z^2) - z), z = c / (2 w), c = damping + damping_stiffness
- * w^2, where w^2 is bounded by max_i 2 sum_j k_ij / m_i: k (n.(u_i - u_j))^2 <= 2 k (|u_i|^2 + |u_j|^2), and
- * a link's tangent is at most k, whatever its stretch. `work` (nnode x 3) is scratch; nothing is allocated;
+ * c = damping_stiffness k along each link, and friction `damping` m v. It takes equal substeps h, the fewest
+ * below 0.9 of the stable step at its start. `work` (nnode x 3) is scratch; nothing is allocated;
  * bit-identical for any thread count. CN_ERR_ARG: no such body, dt not positive, a molecule without mass, or
- * more than 1e7 substeps; CN_ERR_NOT_FINITE, x and v are what was left. */
+ * more than 1e7 substeps; CN_ERR_NOT_FINITE: x and v are what was left. */
 cn_status cn_molecules_explicit(const cn_body *body, double dt, const double *force,
                                 const unsigned char *held, double *x, double *v, double *work, int *substeps,
                                 cn_pool *pool);
-double cn_molecules_stable_step(const cn_body *body); /* [s]; 0 where a molecule has no mass */
+/* h [s] with h w <= 2 (sqrt(1 + z^2) - z), z = c / (2 w), c = damping + damping_stiffness w^2: what
+ * symplectic Euler bears. w^2 <= max_i 2 |sum_j K_ij| / m_i, K_ij <= k n n' + k max(0, 1 - L/l) (I - n n') at
+ * x, as (u_i - u_j)'K (u_i - u_j) <= 2 u_i'K u_i + 2 u_j'K u_j. 0 where a molecule has no mass, or x is not
+ * finite. */
+double cn_molecules_stable_step(const cn_body *body, const double *x, cn_pool *pool);
 
 /* --- the model's own --- */
 
@@ -110,6 +112,7 @@ typedef struct {
     double scale;
     const cn_scatter *stiffness; /* its blocks: one a slot and lane, then the diagonal ones */
     cn_measures *measures;       /* of each task; NULL: not measured */
+    double *bound;               /* of each task: of the square of frequencies [1/s^2]; NULL: not wanted */
     double *strain_sum, *growth; /* of each task: sum over molecules' links; volume gained */
     bool with_stress;
     int per; /* chunks a task */
@@ -119,8 +122,7 @@ const cn_kernels *cn_molecule_kernels_pick(int most); /* as cn_kernels_pick */
 /* Runs one of the two over all tasks; returns their number. */
 int cn_molecules_run(cn_molecule_job *job, cn_task task, cn_pool *pool);
 
-/* Anchors and weights of the body's points (body.h), and the couplings between anchors that their triangles
- * bring. CN_ERR_MESH: all molecules lie in a plane. */
+/* Anchors and weights of the body's points (body.h). CN_ERR_MESH: the molecules near one lie in a plane. */
 cn_status cn_molecules_anchor(cn_body *body, double spacing, cn_error *error);
 void cn_molecules_points(const cn_body *body, int nactive, const double *x, const double *rotation,
                          double *points);

@@ -6,18 +6,20 @@
 
 static const double MARGIN = 0.9, SUBSTEPS_MOST = 1e7;
 
-double cn_molecules_stable_step(const cn_body *body)
+double cn_molecules_stable_step(const cn_body *body, const double *x, cn_pool *pool)
 {
     const cn_molecules *m = body->own;
-    double square = 0;
-    for (int i = 0; i < body->nnode; i++) {
-        const int group = i / CN_MOLECULE_LANES, lane = i % CN_MOLECULE_LANES;
-        double sum = 0;
-        if (!(body->mass[i] > 0)) return 0;
-        for (int slot = m->start[group]; slot < m->start[group + 1]; slot++)
-            sum += m->stiff[(size_t)slot * CN_MOLECULE_LANES + (size_t)lane];
-        square = fmax(square, 2 * sum / body->mass[i]);
-    }
+    double bound[CN_MOLECULE_TASKS], square = 0;
+    cn_molecule_job job = {.body = body,
+                           .nactive = body->nnode,
+                           .x = x,
+                           .tangent = CN_TANGENT_PROJECTED,
+                           .scale = 1,
+                           .bound = bound};
+    const int ntask = cn_molecules_run(&job, m->kernels->elastic, pool);
+    for (int i = 0; i < ntask; i++)
+        if (!(bound[i] <= square) && square == square) square = bound[i];
+    if (!(square > 0 && square <= 1e300)) return 0;
     const double w = sqrt(square), z = 0.5 * (body->damping + body->damping_stiffness * square) / w;
     return 2 / (w * (sqrt(1 + z * z) + z)); /* sqrt(1 + z^2) - z, without cancellation */
 }
@@ -52,7 +54,8 @@ cn_status cn_molecules_explicit(const cn_body *body, double dt, const double *fo
                                 const unsigned char *held, double *x, double *v, double *work, int *substeps,
                                 cn_pool *pool)
 {
-    const double stable = body->model == CN_BODY_MOLECULES ? MARGIN * cn_molecules_stable_step(body) : 0;
+    const double stable =
+        body->model == CN_BODY_MOLECULES ? MARGIN * cn_molecules_stable_step(body, x, pool) : 0;
     if (!(stable > 0 && dt > 0 && dt <= SUBSTEPS_MOST * stable)) return CN_ERR_ARG;
     const int n = (int)ceil(dt / stable), all = 3 * body->nnode;
     motion m = {body, force, held, x, v, work, dt / n};

@@ -53,12 +53,12 @@ INLINE void load_links(const cn_molecule_job *job, int group, int slot, const v8
     s->stretch = s->l - s->rest;
 }
 
-/* Adds the tangent of a slot to the rows of its molecules; own: their diagonal blocks so far. */
-INLINE void add_tangent(const cn_molecule_job *job, int slot, const links *s, v8 own[6])
+/* The tangent K_ii of a slot's links. */
+INLINE void tangent_of(const cn_molecule_job *job, const links *s, v8 h[6])
 {
     const v8 zero = {0}, most = zero + SHRUNK_MOST, ratio = s->rest * s->inverse;
     const v8 open = 1.0 - PICK(ratio < most, ratio, most), k = s->k * job->scale;
-    v8 n[3], h[6], across = zero;
+    v8 n[3], across = zero;
     if (job->tangent == CN_TANGENT_EXACT) across = k * open;
     if (job->tangent == CN_TANGENT_PROJECTED) across = k * LARGER(open, zero);
     for (int c = 0; c < 3; c++)
@@ -67,8 +67,12 @@ INLINE void add_tangent(const cn_molecule_job *job, int slot, const links *s, v8
         for (int j = i; j < 3; j++, e++) {
             h[e] = (k - across) * n[i] * n[j];
             if (i == j) h[e] += across;
-            own[e] += h[e];
         }
+}
+
+/* Adds a slot's K_ij to the rows of its molecules. */
+INLINE void add_coupling(const cn_molecule_job *job, int slot, const v8 h[6])
+{
     const int *block = job->stiffness->block + (size_t)slot * CN_MOLECULE_LANES;
     double *value = job->stiffness->matrix->value;
     for (int lane = 0; lane < CN_MOLECULE_LANES; lane++) {
@@ -77,6 +81,20 @@ INLINE void add_tangent(const cn_molecule_job *job, int slot, const links *s, v8
                      zz = h[5][lane];
         b[0] -= xx, b[1] -= xy, b[2] -= xz, b[3] -= xy, b[4] -= yy, b[5] -= yz, b[6] -= xz, b[7] -= yz,
             b[8] -= zz;
+    }
+}
+
+/* Raises *bound to the largest of 2 |K_ii| / m_i of a group, by the norm of row sums. */
+INLINE void raise_bound(const cn_molecule_job *job, int group, const v8 own[6], double *bound)
+{
+    for (int lane = 0, i = group * CN_MOLECULE_LANES; lane < CN_MOLECULE_LANES && i < job->nactive;
+         lane++, i++) {
+        const double xy = fabs(own[1][lane]), xz = fabs(own[2][lane]), yz = fabs(own[4][lane]);
+        const double rows[3] = {own[0][lane] + xy + xz, own[3][lane] + xy + yz, own[5][lane] + xz + yz};
+        for (int k = 0; k < 3; k++) {
+            const double square = 2 * rows[k] / job->body->mass[i];
+            if (!(square <= *bound) && *bound == *bound) *bound = square; /* keeps a NaN */
+        }
     }
 }
 
@@ -93,8 +111,8 @@ INLINE void add_diagonal(const cn_molecule_job *job, int group, const v8 own[6])
     }
 }
 
-/* Half of the energy of each molecule's links, its force, its rows of the matrix. */
-INLINE v8 group_elastic(const cn_molecule_job *job, int group)
+/* Half of the energy of each molecule's links, its force, its rows of the matrix, its share in the bound. */
+INLINE v8 group_elastic(const cn_molecule_job *job, int group, double *bound)
 {
     const cn_molecules *m = job->body->own;
     v8 place[3], speed[3], force[3] = {{0}}, own[6] = {{0}}, energy = {0};
@@ -106,6 +124,13 @@ INLINE v8 group_elastic(const cn_molecule_job *job, int group)
         load_links(job, group, slot, place, &s);
         v8 pull = s.k * s.stretch * s.inverse;
         energy += s.k * s.stretch * s.stretch;
+        if (job->stiffness || job->bound) {
+            v8 h[6];
+            tangent_of(job, &s, h);
+            for (int e = 0; e < 6; e++)
+                own[e] += h[e];
+            if (job->stiffness) add_coupling(job, slot, h);
+        }
         if (!job->f) continue;
         if (job->v) {
             v8 rate = {0};
@@ -118,13 +143,13 @@ INLINE v8 group_elastic(const cn_molecule_job *job, int group)
         }
         for (int c = 0; c < 3; c++)
             force[c] -= pull * s.d[c];
-        if (job->stiffness) add_tangent(job, slot, &s, own);
     }
     for (int lane = 0, i = group * CN_MOLECULE_LANES; job->f && lane < CN_MOLECULE_LANES && i < job->nactive;
          lane++, i++)
         for (int c = 0; c < 3; c++)
             job->f[3 * (size_t)i + (size_t)c] += force[c][lane];
     if (job->stiffness) add_diagonal(job, group, own);
+    if (job->bound) raise_bound(job, group, own, bound);
     return energy;
 }
 
@@ -142,10 +167,12 @@ INLINE void elastic(void *user, int task)
     cn_molecule_job *job = user;
     int begin, end;
     v8 energy = {0};
+    double bound = 0;
     task_groups(job, task, &begin, &end);
     for (int group = begin; group < end; group++)
-        energy += group_elastic(job, group);
+        energy += group_elastic(job, group, &bound);
     job->energy[task] = 0.25 * lanes_sum(&energy);
+    if (job->bound) job->bound[task] = bound;
 }
 
 /* Von Mises of the virial stress sum_j k (l - L) d d'/l / (2 V). */

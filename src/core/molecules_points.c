@@ -4,6 +4,7 @@
  * quadratic motion can put wrong is bounded by it, and weights stay small. */
 #include "molecules.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -102,24 +103,37 @@ static bool best_four(const double *place, const candidate *near, int n, const d
     return least < INFINITY;
 }
 
-/* Pairs of anchors of a triangle's corners, each once. */
-static cn_status couple(cn_body *body)
+enum { A = CN_MOLECULE_ANCHORS };
+
+/* The anchors of a triangle's corners, each once; returns how many. */
+static int anchors_of(const cn_body *body, int tri, int all[3 * A])
 {
-    enum { A = CN_MOLECULE_ANCHORS, PAIRS = 3 * A * (3 * A - 1) / 2 };
-    const cn_surface *s = body->boundary;
-    cn_facet *pair = cn_array((size_t)s->ntri, PAIRS * sizeof *pair);
+    const int *corner = body->boundary->tri + 3 * (size_t)tri;
+    int count = 0;
+    for (int c = 0; c < 3 * A; c++) {
+        const int anchor = body->anchor[A * (size_t)corner[c / A] + (size_t)(c % A)];
+        int k = 0;
+        while (k < count && all[k] != anchor)
+            k++;
+        if (k == count) all[count++] = anchor;
+    }
+    return count;
+}
+
+cn_status cn_body_couple(cn_body *body)
+{
+    if (body->nanchor == 0 || body->couple) return CN_OK;
     cn_status status = CN_ERR_MEMORY;
-    int n = 0;
+    size_t room = 0;
+    int n = 0, all[3 * A];
+    for (int t = 0; t < body->boundary->ntri; t++) {
+        const int count = anchors_of(body, t, all);
+        room += (size_t)(count * (count - 1) / 2);
+    }
+    cn_facet *pair = room <= INT_MAX ? cn_array(room, sizeof *pair) : NULL;
     if (!pair) return CN_ERR_MEMORY;
-    for (int t = 0; t < s->ntri; t++) {
-        int all[3 * A], count = 0;
-        for (int c = 0; c < 3 * A; c++) {
-            const int a = body->anchor[A * (size_t)s->tri[3 * (size_t)t + (size_t)(c / A)] + (size_t)(c % A)];
-            int k = 0;
-            while (k < count && all[k] != a)
-                k++;
-            if (k == count) all[count++] = a;
-        }
+    for (int t = 0; t < body->boundary->ntri; t++) {
+        const int count = anchors_of(body, t, all);
         for (int k = 0; k < count; k++)
             for (int l = k + 1; l < count; l++)
                 pair[n++] = cn_facet_edge(all[k], all[l], t);
@@ -139,7 +153,6 @@ done:
 
 cn_status cn_molecules_anchor(cn_body *body, double spacing, cn_error *error)
 {
-    enum { A = CN_MOLECULE_ANCHORS };
     search s = {.n = body->nnode, .room = 256, .spacing = spacing};
     cn_tree *tree = NULL;
     int *corner = NULL;
@@ -171,7 +184,7 @@ cn_status cn_molecules_anchor(cn_body *body, double spacing, cn_error *error)
             goto done;
         }
     }
-    status = couple(body);
+    status = CN_OK;
 done:
     cn_tree_free(tree);
     free(corner), free(s.found), free(s.near);
@@ -181,7 +194,6 @@ done:
 void cn_molecules_points(const cn_body *body, int nactive, const double *x, const double *rotation,
                          double *points)
 {
-    enum { A = CN_MOLECULE_ANCHORS };
     (void)nactive, (void)rotation;
     for (size_t i = 0; i < (size_t)body->npoint; i++) {
         const int *anchor = body->anchor + A * i;

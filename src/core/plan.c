@@ -217,6 +217,70 @@ double cn_plan_chord(const cn_plan_query *query)
     return fmax(2 * query->device_diameter, 4 * cn_map_cell(query->world->map));
 }
 
+/* Polyline and smooth path of one search. */
+static cn_status route(cn_path **out, const cn_plan_query *query, cn_planner planner, cn_roadmap *roadmap,
+                       cn_error *error)
+{
+    cn_status status = planner(query, roadmap, error);
+    if (status != CN_OK) return status;
+    if (query->spec->region == CN_REGION_NONE && query->spec->sampling != CN_SAMPLING_CONTACT)
+        shortcut(query, roadmap);
+    status = cn_plan_smooth(out, query, roadmap, error);
+    if (status == CN_OK) (*out)->turn_max = cn_path_turn(*out, cn_plan_chord(query), NULL);
+    return status;
+}
+
+/* The ball that closes the place where the path turns most; false where that would close a point of the
+ * query. */
+static bool sharpest(const cn_plan_query *query, const cn_path *path, cn_ball *ball)
+{
+    const double need = query->radius + query->spec->clearance;
+    cn_place place;
+    double where;
+    cn_path_turn(path, cn_plan_chord(query), &where);
+    cn_path_at(path, where, &place);
+    cn_copy3(place.x, ball->centre);
+    ball->radius = fmax(cn_plan_clearance(query, place.x, INFINITY), 2 * need);
+    for (int i = 0; i < query->npoint; i++)
+        if (!(cn_distance(query->point + 3 * i, ball->centre) > 1.1 * ball->radius)) return false;
+    return true;
+}
+
+/* Where the path turns too much, other ways around: the sharpest places are closed one after the other. The
+ * gentlest path is kept, with its roadmap; finding none is no failure. */
+static cn_status gentler(cn_path **path, const cn_plan_query *query, cn_planner planner, cn_roadmap *roadmap)
+{
+    enum { TRIES = 8 };
+    cn_plan_query other = *query;
+    cn_path *tried = NULL;
+    cn_ball *ball = malloc(((size_t)query->nrefused + TRIES) * sizeof *ball);
+    cn_status status = ball ? cn_path_copy(&tried, *path) : CN_ERR_MEMORY;
+    if (status == CN_OK && query->nrefused)
+        memcpy(ball, query->refused, (size_t)query->nrefused * sizeof *ball);
+    other.refused = ball;
+    if (query->samples < 0) other.samples = roadmap->nvertex < 2000 ? 4000 : 2 * roadmap->nvertex;
+    for (int i = 0; i < TRIES && status == CN_OK && (*path)->turn_max > query->spec->max_turn; i++) {
+        cn_roadmap another = {.reproducible = true};
+        cn_error ignored = {0};
+        if (!sharpest(query, tried, &ball[other.nrefused])) break;
+        other.nrefused++;
+        cn_path_free(tried);
+        tried = NULL;
+        status = route(&tried, &other, planner, &another, &ignored);
+        if (status == CN_OK && tried->turn_max < (*path)->turn_max) {
+            cn_path_free(*path);
+            status = cn_path_copy(path, tried);
+            cn_roadmap_clear(roadmap);
+            *roadmap = another;
+        } else {
+            cn_roadmap_clear(&another);
+        }
+    }
+    cn_path_free(tried);
+    free(ball);
+    return status == CN_ERR_MEMORY || status == CN_ERR_CANCELLED ? status : CN_OK;
+}
+
 cn_status cn_plan_path(cn_path **out, const cn_plan_query *query, cn_planner planner, cn_roadmap *roadmap,
                        cn_error *error)
 {
@@ -227,10 +291,12 @@ cn_status cn_plan_path(cn_path **out, const cn_plan_query *query, cn_planner pla
     *out = NULL;
     memset(roadmap, 0, sizeof *roadmap);
     if ((status = check(query, roadmap, error)) != CN_OK) return status;
-    if ((status = planner(query, roadmap, error)) != CN_OK) return status;
-    if (query->spec->region == CN_REGION_NONE && query->spec->sampling != CN_SAMPLING_CONTACT)
-        shortcut(query, roadmap);
-    if ((status = cn_plan_smooth(&path, query, roadmap, error)) != CN_OK) return status;
+    if ((status = route(&path, query, planner, roadmap, error)) != CN_OK) return status;
+    if (path->turn_max > query->spec->max_turn &&
+        (status = gentler(&path, query, planner, roadmap)) != CN_OK) {
+        cn_fail(error, status, NULL, 0, "%s while a gentler path was sought", cn_status_text(status));
+        goto fail;
+    }
     if (query->spec->ndeviation > 0 && (status = cn_plan_deviate(&path, query, error)) != CN_OK) goto fail;
 
     cn_plan_keeps(query, path->n, path->x, path->clearance, NULL);

@@ -1,6 +1,6 @@
 /* plan_deviate.c - functional deviations: sinusoids A sin(2 pi s / wavelength + phase) in the plane with the
  * given normal, across the path, any number summed. They fade to nothing at the query's points and shrink,
- * smoothly, where the free space has no room for them. */
+ * smoothly, where the free space has no room for them, or the path would turn too much. */
 #include "plan_smooth.h"
 
 #include <limits.h>
@@ -80,6 +80,17 @@ static void shrink(int n, double *g, const bool *broken, int reach)
     }
 }
 
+/* Marks the segments around the place where the path turns more than the limit; false when none does. */
+static bool turns(const cn_path *path, const cn_plan_query *query, double limit, bool *broken)
+{
+    const double chord = cn_plan_chord(query);
+    double where;
+    if (cn_path_turn(path, chord, &where) <= limit) return false;
+    for (int i = 0; i + 1 < path->n; i++)
+        broken[i] = fabs(path->s[i] - where) <= chord;
+    return true;
+}
+
 static cn_status check(const cn_path_spec *spec, cn_error *error)
 {
     for (int i = 0; i < spec->ndeviation; i++) {
@@ -154,8 +165,11 @@ cn_status cn_plan_deviate(cn_path **path, const cn_plan_query *query, cn_error *
             cn_copy3(query->point + 3 * (leg + 1), moved + 3 * waypoint[leg]);
         cn_copy3(query->point, moved);
         if (cn_plan_keeps(query, n, moved, scratch, broken)) {
+            cn_path_free(made);
+            made = NULL;
             status = cn_path_new(&made, n, moved, old->nwaypoint, waypoint, NULL);
-            break;
+            if (status != CN_OK || !turns(made, query, fmax(query->spec->max_turn, old->turn_max), broken))
+                break;
         }
         shrink(n, g, broken, reach);
         soften(n, g, scratch, reach);

@@ -115,7 +115,7 @@ static cn_status band_new(band *b, const cn_plan_query *query, const cn_roadmap 
 
     memset(b, 0, sizeof *b);
     b->query = query;
-    b->unit = query->radius > 0 ? query->radius : cn_map_cell(query->world->map);
+    b->unit = query->radius > 0 ? query->radius : need > 0 ? need : cn_map_cell(query->world->map);
     b->hard = 1.03 * need / b->unit;
     b->comfort = b->hard + 1.0;
     b->hard_weight = 1e3;

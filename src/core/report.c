@@ -39,6 +39,7 @@ int cn_verdict_exit(int code)
 void cn_report_clear(cn_report *report)
 {
     free(report->limit);
+    free(report->drive.insertion);
     free(report->body);
     memset(report, 0, sizeof *report);
 }
@@ -154,6 +155,12 @@ static json_t *left_out(const cn_left_out *l)
                      "time_saved_s", number(l->time_saved_s), "error", number(l->error));
 }
 
+static json_t *insertion(const cn_report *r, const cn_insertion *i)
+{
+    return json_pack("{s:o, s:o, s:o, s:o}", "body", text(r->body[i->body].name), "time", number(i->time),
+                     "advance", number(i->advance), "twist", number(i->twist));
+}
+
 /* Appends to a list; both may be NULL. */
 static int append(json_t *list, json_t *entry)
 {
@@ -162,9 +169,10 @@ static int append(json_t *list, json_t *entry)
 
 char *cn_report_json(const cn_report *r)
 {
-    json_t *limits = json_array(), *bodies = json_array(), *out = json_array(), *root = NULL;
+    json_t *limits = json_array(), *bodies = json_array(), *out = json_array(), *base = json_array(),
+           *root = NULL;
     char *json = NULL;
-    int failed = !limits || !bodies || !out;
+    int failed = !limits || !bodies || !out || !base;
 
     for (int i = 0; i < r->nlimit; i++)
         failed |= append(limits, limit(&r->limit[i]));
@@ -172,11 +180,13 @@ char *cn_report_json(const cn_report *r)
         failed |= append(bodies, body(&r->body[i]));
     for (int i = 0; i < r->nleft_out; i++)
         failed |= append(out, left_out(&r->left_out[i]));
+    for (int i = 0; i < r->drive.ninsertion; i++)
+        failed |= append(base, insertion(r, &r->drive.insertion[i]));
     if (!failed)
         root = json_pack(
             "{s:s, s:o, s:I, s:i, s:b, s:s, s:o," /* what ran, and the answer */
             " s:{s:i, s:i, s:i, s:i, s:i, s:i}, s:o, s:i, s:i, s:i,"
-            " s:{s:o, s:I, s:I, s:o}, s:{s:o, s:o}, s:O, s:{s:i, s:i, s:o, s:i}, s:O, s:O, s:{s:o, s:o, "
+            " s:{s:o, s:I, s:I, s:o}, s:{s:o, s:o, s:O}, s:O, s:{s:i, s:i, s:o, s:i}, s:O, s:O, s:{s:o, s:o, "
             "s:o}, s:I}",
             "catnav", CATNAV_VERSION, "scene", text(r->scene), "seed", (json_int_t)r->seed, "threads",
             r->threads, "reproducible", (int)r->reproducible, "status", cn_verdict_status(r->verdict.code),
@@ -186,17 +196,18 @@ char *cn_report_json(const cn_report *r)
             r->steps, "rejected_steps", r->rejected_steps, "replans", r->replans, "contact", "gap_min",
             number(r->contact.gap_min), "intersections", (json_int_t)r->contact.intersections,
             "outside_nodes", (json_int_t)r->contact.outside_nodes, "force_max", number(r->contact.force_max),
-            "drive", "force_max", number(r->drive.force_max), "work", number(r->drive.work), "limits", limits,
-            "solver", "newton_max", r->solver.newton_max, "linear_max", r->solver.linear_max, "residual_max",
-            number(r->solver.residual_max), "inverted_max", r->solver.inverted_max, "bodies", bodies,
-            "left_out", out, "path", "length", number(r->path.length), "clearance_min",
-            number(r->path.clearance_min), "turn_max", number(r->path.turn_max), "memory_peak_bytes",
-            (json_int_t)r->memory_peak_bytes);
+            "drive", "force_max", number(r->drive.force_max), "work", number(r->drive.work), "insertion",
+            base, "limits", limits, "solver", "newton_max", r->solver.newton_max, "linear_max",
+            r->solver.linear_max, "residual_max", number(r->solver.residual_max), "inverted_max",
+            r->solver.inverted_max, "bodies", bodies, "left_out", out, "path", "length",
+            number(r->path.length), "clearance_min", number(r->path.clearance_min), "turn_max",
+            number(r->path.turn_max), "memory_peak_bytes", (json_int_t)r->memory_peak_bytes);
     if (root) json = json_dumps(root, JSON_INDENT(2));
     json_decref(root);
     json_decref(limits);
     json_decref(bodies);
     json_decref(out);
+    json_decref(base);
     return json;
 }
 

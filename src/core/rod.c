@@ -22,7 +22,7 @@ static cn_status check_section(const cn_section *s, int segment, cn_error *error
                            segment, stiffness[i].value);
     if (!(s->line_mass >= 0 && s->line_inertia[0] >= 0 && s->line_inertia[1] >= 0 &&
           s->line_inertia[2] >= 0 && s->area >= 0 && s->half[0] > 0 && s->half[1] > 0 &&
-          s->twist_stress >= 0))
+          s->twist_stress >= 0 && isfinite(s->bend)))
         return cn_fail(
             error, CN_ERR_ARG, "", 0,
             "section of segment %d has a mass of %g kg/m, an area of %g m^2, half widths of %g and "
@@ -132,7 +132,8 @@ static void spread_sections(cn_body *body, double *x)
         for (int i = 0; i < CN_ROD_CHUNK; i++) {
             const int s = chunk * CN_ROD_CHUNK + i;
             for (int k = 0; s < body->nelement && k < 6; k++)
-                rod->constant[(CN_ROD_STRETCH + (size_t)k) * stride + 1 + (size_t)s] = strain[k][1 + i];
+                rod->constant[(CN_ROD_STRETCH + (size_t)k) * stride + 1 + (size_t)s] =
+                    strain[k][1 + i] + (k == 4 ? rod->section[s].bend : 0);
         }
     }
 }

@@ -27,6 +27,20 @@ void cn_spin_frame(const cn_spin *s, const double theta[3], const double q0[4], 
     cn_axpy(p[0], v, q + 1);
 }
 
+void cn_spin_between(const double p[4], const double q[4], double theta[3])
+{
+    double d[3], w = 0;
+    for (int k = 0; k < 4; k++)
+        w += p[k] * q[k];
+    const double *a = p + 1, *b = q + 1;
+    cn_cross(a, b, d);
+    for (int k = 0; k < 3; k++)
+        theta[k] = p[0] * b[k] - q[0] * a[k] + d[k];
+    const double sine = cn_norm(theta), angle = 2 * atan2(w < 0 ? -sine : sine, fabs(w));
+    for (int k = 0; k < 3; k++)
+        theta[k] *= sine > 0 ? angle / sine : 2;
+}
+
 void cn_spin_jacobian(const cn_spin *s, const double theta[3], double t[9])
 {
     const double x = theta[0], y = theta[1], z = theta[2];

@@ -49,6 +49,8 @@ typedef struct {
 void cn_spin_at(double t2, cn_spin *s);
 /* q = exp(theta) q0, unit; q may be q0. */
 void cn_spin_frame(const cn_spin *s, const double theta[3], const double q0[4], double q[4]);
+/* Rotation vector from unit frame p to q: q = exp(theta) p. */
+void cn_spin_between(const double p[4], const double q[4], double theta[3]);
 /* T, row-major. */
 void cn_spin_jacobian(const cn_spin *s, const double theta[3], double t[9]);
 /* Adds sym(d(T'g)/dtheta) to h. */

@@ -128,6 +128,8 @@ static cn_status prepare(cn_run_data *run)
             snprintf(l->body, sizeof l->body, "%s", run->spec[b].name);
         }
     }
+    for (int b = 0; b < run->nbody; b++)
+        if ((status = cn_run_skin_read(run, b)) != CN_OK) return status;
     if ((status = make_map(run)) != CN_OK) return status;
     if ((status = cn_run_places(run)) != CN_OK) return status;
     if ((status = cn_pool_new(&run->pool, run->threads)) != CN_OK) return status;
@@ -140,6 +142,8 @@ static cn_status prepare(cn_run_data *run)
         CN_OK)
         return status;
     if ((status = no_equilibrium(run)) != CN_OK) return status;
+    for (int b = 0; b < run->nbody; b++)
+        if ((status = cn_run_skin_hang(run, b)) != CN_OK) return status;
     for (int b = 0; b < run->nbody; b++)
         if (run->spec[b].shape.kind != CN_SHAPE_CATHETER && (status = cn_run_plan_body(run, b)) != CN_OK)
             return status;
@@ -460,6 +464,7 @@ static void clear(cn_run_data *run)
             cn_state_free(body->checkpoint[i].state);
         free(body->vertex_s), free(body->refused);
         free(body->von_mises), free(body->turn), free(body->points);
+        cn_run_skin_clear(body);
     }
     free(run->body);
     cn_leave_clear(&run->leave, run->nbody);

@@ -118,17 +118,22 @@ cn_status cn_run_supported(cn_run_data *run)
             return unsupported(run, body->name,
                                "contact.method project, which moves nodes, for a rod or molecules",
                                "use strict, or model: tet4");
-        if (body->drive.mode != CN_DRIVE_FOLLOW)
-            return unsupported(run, body->name, "drive mode push", "use mode: follow");
-        if (body->skin_file) return unsupported(run, body->name, "a skin", "leave out `skin`");
+        const bool sheath = body->shape.catheter.sheath == CN_ON ||
+                            (body->shape.catheter.sheath == CN_AUTO && scene->nvessel > 0);
+        const cn_status status = cn_push_check(body, sheath, &run->error);
+        if (status != CN_OK) return status;
         if (body->shape.kind == CN_SHAPE_CATHETER && body->shape.catheter.has_core &&
             body->model != CN_BODY_ROD)
             return unsupported(run, body->name, "a guidewire core in tetrahedra", "use model: rod");
     }
     if (scene->contact.method == CN_CONTACT_PENALTY)
         return unsupported(run, "contact.method", "penalty", "use strict or project");
-    if (scene->contact.friction > 0)
-        return unsupported(run, "contact.friction", "friction", "use friction: 0");
+    if (scene->contact.friction > 0 && scene->contact.method != CN_CONTACT_STRICT)
+        return unsupported(run, "contact.friction", "friction without strict contact",
+                           "use method: strict, or friction: 0");
+    if (scene->contact.friction > 0 && scene->solver.integrator != CN_INTEGRATOR_EULER)
+        return unsupported(run, "contact.friction", "friction with another integrator than euler",
+                           "use integrator: euler, or friction: 0");
     if (scene->contact.response == CN_RESPONSE_ELASTIC && scene->contact.method == CN_CONTACT_STRICT)
         return unsupported(run, "contact.response", "an elastic response in strict contact",
                            "use method: project, or inelastic");

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 #include "catnav/vec3.h"
+#include "tree.h"
 
 static const char *const limit_units[] = {"", " Pa", " J", " N", " m", " m"};
 
@@ -84,6 +85,10 @@ static bool jammed(cn_run_data *run, int b, cn_state *trial, cn_verdict *broken)
     cn_body_state *state = &trial->body[b];
     const double least = 0.1 * run->spec[b].waypoint_tolerance;
     if (!run->body[b].path || cn_drive_arrived(&run->model->body[b], state)) return false;
+    if (cn_push_busy(&run->model->body[b], state)) { /* counted anew when it goes on */
+        state->progress = -INFINITY, state->progress_time = trial->time;
+        return false;
+    }
     if (!(state->s_goal < state->progress + least)) {
         state->progress = state->s_goal, state->progress_time = trial->time;
         return false;
@@ -102,6 +107,18 @@ static bool jammed(cn_run_data *run, int b, cn_state *trial, cn_verdict *broken)
     return true;
 }
 
+/* What a push drive asks before its next move; the margin is then narrowed by each limit. */
+static void look_around(const cn_run_data *run, int b, cn_body_state *state)
+{
+    cn_place place;
+    state->push.margin = 1, state->push.hidden = false;
+    if (!run->body[b].path || run->spec[b].drive.mode != CN_DRIVE_PUSH) return;
+    cn_path_at(run->body[b].path, state->s_goal, &place);
+    for (int w = 0; w < run->world->nwall && !state->push.hidden; w++)
+        state->push.hidden = cn_tree_crossings(run->world->wall[w].tree,
+                                               state->x + 3 * run->model->body[b].goal_node, place.x) > 0;
+}
+
 bool cn_run_limits(cn_run_data *run, int b, cn_state *trial, const cn_step_figures *figures,
                    cn_verdict *broken)
 {
@@ -118,6 +135,7 @@ bool cn_run_limits(cn_run_data *run, int b, cn_state *trial, const cn_step_figur
                     &body->measures, stress ? body->von_mises : NULL, run->pool);
     if (body->measures.inverted > run->report->solver.inverted_max)
         run->report->solver.inverted_max = body->measures.inverted;
+    look_around(run, b, &trial->body[b]);
     for (int i = 0; i < spec->nlimit; i++) {
         const cn_limit *limit = &spec->limit[i];
         const reading r = read_quantity(run, b, limit, trial, figures);
@@ -127,6 +145,8 @@ bool cn_run_limits(cn_run_data *run, int b, cn_state *trial, const cn_step_figur
             fill(run, broken, b, limit, &r, trial);
             return true;
         }
+        const double part = least ? limit->limit / r.value : r.value / limit->limit;
+        if (limit->limit > 0) trial->body[b].push.margin = fmin(trial->body[b].push.margin, 1 - part);
         cn_limit_report *worst = &run->report->limit[body->first_limit + i];
         if (worst->step < 0 || (least ? r.value < worst->worst : r.value > worst->worst)) {
             worst->worst = r.value, worst->step = trial->step, worst->time = trial->time,

@@ -20,6 +20,10 @@ typedef struct {
     double *von_mises; /* (ntet) */
     double *turn;      /* copy of the rotations for frames: looking must not change the run (nturn x 4) */
     double *points;    /* scratch of cn_run_points (npoint x 3) */
+    cn_surface *surface; /* of a skin that is not hung yet */
+    cn_skin *skin;       /* that it wears, NULL: none, and */
+    cn_skin_state *worn; /* how it was when last looked at */
+    double *node_turn;   /* rotations of nodes, NULL: the skin needs none (nnode x 4) */
     cn_measures measures;
     int nlimit, first_limit; /* in report->limit */
     int ncheckpoint, next_vertex;
@@ -88,7 +92,8 @@ struct cn_run_data {
     cn_leave leave;
     int nsample, sample_capacity;
     double *fem_ms, *collision_ms, *step_ms;
-    cn_run_visit visit; /* NULL: nobody */
+    int insertion_stride; /* steps between two notes of the bases of push drives */
+    cn_run_visit visit;   /* NULL: nobody */
     void *visitor;
 };
 
@@ -149,6 +154,13 @@ void cn_run_refit(cn_run_data *run);
  * it is; the works, `trial` and `spare` do not. */
 void cn_run_left_out(cn_run_data *run);
 void cn_leave_clear(cn_leave *leave, int nbody);
+
+/* run_skin.c: a body's skin, where the scene gives one: made, hung on the body, brought to where the state is
+ * (false: there is none, or its numbers are not finite); own->turn holds the rotations then. */
+cn_status cn_run_skin_read(cn_run_data *run, int body);
+cn_status cn_run_skin_hang(cn_run_data *run, int body);
+bool cn_run_skin_bring(cn_run_data *run, int body, const cn_body_state *state);
+void cn_run_skin_clear(cn_run_body *body);
 
 /* run_record.c */
 void cn_run_verdict(cn_run_data *run, cn_verdict_code code, const char *format, ...)

@@ -142,9 +142,11 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
     }
     for (int i = 0; i < spec->nwaypoint; i++)
         stand_in(run, query.radius + spec->path.clearance, spec->waypoint + 3 * i, point + 3 * (i + 1));
-    query.device_diameter = catheter ? spec->shape.catheter.diameter : 0;
+    /* of a compact body the path knows only the room it asks for */
+    query.device_diameter = catheter ? spec->shape.catheter.diameter : 2 * spec->path.clearance;
     query.npoint = spec->nwaypoint + 1, query.point = point;
-    query.direction = directed ? spec->shape.catheter.direction : NULL;
+    if (directed) query.direction = spec->shape.catheter.direction;
+    if (!catheter && spec->drive.nodes == CN_NODES_EACH) query.direction = run->model->body[b].direction;
     query.nrefused = body->nrefused, query.refused = body->refused;
     query.seed = run->seed, query.samples = run->scene->planner.samples, query.budget = run->budget;
     query.threads = run->threads, query.cancel = run->hooks ? run->hooks->cancel : NULL;
@@ -279,11 +281,15 @@ cn_status cn_run_replan(cn_run_data *run, int b)
         while (at > 0 && body->checkpoint[at].s > s)
             at--;
         body->ncheckpoint = at + 1;
-        cn_state_copy(run->state, body->checkpoint[at].state);
         cn_body_state *state = &run->state->body[b];
+        const cn_body_state *there = &body->checkpoint[at].state->body[b];
+        if (run->spec[b].drive.mode == CN_DRIVE_PUSH)
+            cn_push_back(state, there->inserted);
+        else
+            cn_state_copy(run->state, body->checkpoint[at].state);
         state->progress = -INFINITY, state->progress_time = run->state->time;
         state->s_goal =
-            cn_path_project(body->path, state->x + 3 * model->goal_node, 0, cn_path_length(body->path));
+            cn_path_project(body->path, there->x + 3 * model->goal_node, 0, cn_path_length(body->path));
         while (body->next_vertex < body->roadmap.npoint && body->vertex_s[body->next_vertex] <= state->s_goal)
             body->next_vertex++;
     }

@@ -28,6 +28,42 @@ void cn_run_verdict(cn_run_data *run, cn_verdict_code code, const char *format, 
     va_end(arguments);
 }
 
+/* Notes where the bases of push drives are; when all places are taken, every second note is let go. What lies
+ * ahead of this step was taken back. */
+static cn_status note_insertion(cn_run_data *run, bool last)
+{
+    cn_report *report = run->report;
+    const int step = run->state->step;
+    int npush = 0, kept = 0;
+    for (int b = 0; b < run->nbody; b++)
+        npush += run->spec[b].drive.mode == CN_DRIVE_PUSH;
+    const size_t most = 1000 * (size_t)npush;
+    if (npush == 0) return CN_OK;
+    if (!report->drive.insertion) {
+        if (!(report->drive.insertion = calloc(most, sizeof(cn_insertion)))) return CN_ERR_MEMORY;
+        run->insertion_stride = 1;
+        for (int b = 0; b < run->nbody; b++) /* where they began */
+            if (run->spec[b].drive.mode == CN_DRIVE_PUSH)
+                report->drive.insertion[report->drive.ninsertion++] =
+                    (cn_insertion){.body = b, .advance = run->spec[b].shape.catheter.inserted};
+    }
+    cn_insertion *list = report->drive.insertion;
+    while (report->drive.ninsertion > 0 && list[report->drive.ninsertion - 1].step >= step)
+        report->drive.ninsertion--;
+    if (!last && (size_t)(report->drive.ninsertion + 2 * npush) > most) { /* room for the last one stays */
+        run->insertion_stride *= 2;
+        for (int i = 0; i < report->drive.ninsertion; i++)
+            if (list[i].step % run->insertion_stride == 0) list[kept++] = list[i];
+        report->drive.ninsertion = kept;
+    }
+    if (!last && step % run->insertion_stride != 0) return CN_OK;
+    for (int b = 0; b < run->nbody; b++)
+        if (run->spec[b].drive.mode == CN_DRIVE_PUSH)
+            list[report->drive.ninsertion++] = (cn_insertion){
+                b, step, run->state->time, run->state->body[b].inserted, run->state->body[b].twist};
+    return CN_OK;
+}
+
 cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double step_s)
 {
     if (run->nsample == run->sample_capacity) {
@@ -60,7 +96,7 @@ cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double
         report->contact.gap_min = figures->gap;
     report->contact.intersections += figures->findings.intersections;
     report->contact.outside_nodes += figures->findings.outside;
-    return CN_OK;
+    return note_insertion(run, false);
 }
 
 int cn_run_active(const cn_model_body *body, const cn_body_state *state)
@@ -195,6 +231,7 @@ void cn_run_finish(cn_run_data *run)
             report->counts.tets += body->ntet;
             body_figures(run, b, &report->body[b]);
         }
+        if (report->drive.insertion) note_insertion(run, true);
         report->counts.nodes = report->counts.deformable_nodes + report->counts.rigid_nodes;
         cn_run_left_out(run);
         report->time.simulated_s = run->state->time;
@@ -231,6 +268,8 @@ void cn_run_frame(cn_run_data *run, const cn_state *state, bool wanted)
                                     .x = cn_run_points(run, b, state, model->body->nnode),
                                     .von_mises = run->body[b].von_mises,
                                     .stress_limit = INFINITY};
+        if (cn_run_skin_bring(run, b, at))
+            bodies[b].skin = run->body[b].skin, bodies[b].worn = run->body[b].worn;
         for (int i = 0; i < run->spec[b].nlimit; i++)
             if (run->spec[b].limit[i].quantity == CN_QUANTITY_STRESS &&
                 run->spec[b].limit[i].reduce == CN_REDUCE_MAX)

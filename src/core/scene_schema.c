@@ -189,8 +189,8 @@ static const cn_key load_keys[] = {
     {0}};
 static const cn_schema load_schema = {load_keys, cn_check_load};
 static const cn_key bend_keys[] = {
-    {"length",    CN_KEY_REAL, 0, "0", 0, INF, "m", "of the steered end", AT(cn_drive_spec, bend_length)},
-    {"curvature", CN_KEY_REAL, 0, "0", 0, INF, "1/m", "largest, of the steered end", AT(cn_drive_spec, bend_curvature)},
+    {"length",    CN_KEY_REAL, 0, "0", 0, INF, "m", "of the pre-bent end, from the tip", AT(cn_drive_spec, bend_length)},
+    {"curvature", CN_KEY_REAL, 0, "0", 0, INF, "1/m", "of the pre-bent end at rest", AT(cn_drive_spec, bend_curvature)},
     {0}};
 static const cn_schema bend_schema = {bend_keys, NULL};
 static const cn_key control_keys[] = {
@@ -208,7 +208,7 @@ static const cn_key drive_keys[] = {
     {"force_threshold", CN_KEY_REAL,    CN_MAY_AUTO | CN_ABOVE, "auto",   0, INF, "N", "a waypoint also needs the goal force below this", AT(cn_drive_spec, force_threshold)},
     {"advance_max",     CN_KEY_REAL,    CN_ABOVE,               "0.05",   0, INF, "m/s", "push: fastest advance of the base", AT(cn_drive_spec, advance_max)},
     {"twist_max",       CN_KEY_REAL,    CN_ABOVE,               "3.14",   0, INF, "rad/s", "push: fastest turn of the base", AT(cn_drive_spec, twist_max)},
-    {"tip_bend",        CN_KEY_MAP,     0,                      "", ANY, "push: the steered end", MAP(bend_schema)},
+    {"tip_bend",        CN_KEY_MAP,     0,                      "", ANY, "push: the pre-bent end that turning the base steers", MAP(bend_schema)},
     {0}};
 static const cn_schema drive_schema = {drive_keys, NULL};
 static const cn_key region_plane_keys[] = {
@@ -250,8 +250,11 @@ static const cn_key path_keys[] = {
     {0}};
 static const cn_schema path_schema = {path_keys, cn_check_path};
 static const cn_key skin_keys[] = {
-    {"file",    CN_KEY_FILE,  CN_REQUIRED, "../../test/data/scenes/ball.obj", ANY, "a fine surface the body carries", AT(cn_body_spec, skin_file)},
-    {"anchors", CN_KEY_COUNT, 0,           "4", 1, 64, "", "nodes a point of the skin hangs on", AT(cn_body_spec, skin_anchors)},
+    {"sides",   CN_KEY_COUNT,  CN_UNSET | CN_NEEDED, "24", 3, 256, "", "of a round tube about a catheter", AT(cn_body_spec, skin_sides), .group = 's', MARK(cn_body_spec, skin_source, CN_SKIN_TUBE)},
+    {"file",    CN_KEY_FILE,   CN_UNSET, "../../test/data/scenes/ball.obj", ANY, "a fine surface; it is placed as the shape is, of a catheter tip at the origin and along -z", AT(cn_body_spec, skin_file), .group = 's', MARK(cn_body_spec, skin_source, CN_SKIN_FILE)},
+    {"cell",    CN_KEY_REAL,   CN_UNSET, "0", 0, INF, "m", "of the grid for a surface about molecules; 0: half their radius", AT(cn_body_spec, skin_cell), .group = 's', MARK(cn_body_spec, skin_source, CN_SKIN_SPHERES)},
+    {"anchors", CN_KEY_COUNT,  0,        "4", 1, 8, "", "nodes a point of the skin hangs on where it is blended", AT(cn_body_spec, skin_anchors)},
+    {"method",  CN_KEY_CHOICE, 0,        "auto", -1, 0, "", "blend: between the frames of the nearest nodes, embed: with the tetrahedron around; auto: embed in tetrahedra, else blend", AT(cn_body_spec, skin_kind), .choices = "auto|blend|embed"},
     {0}};
 static const cn_schema skin_schema = {skin_keys, NULL};
 static const cn_key body_keys[] = {
@@ -269,7 +272,7 @@ static const cn_key body_keys[] = {
     {"deadline",   CN_KEY_REAL,   CN_MAY_NULL | CN_ABOVE, "null", 0, INF, "s", "simulated time by which the last waypoint must be reached; null: none", AT(cn_body_spec, deadline)},
     {"path",       CN_KEY_MAP,    0,           "", ANY, "what the planner is asked for", AT(cn_body_spec, path), MAP(path_schema)},
     {"limits",     CN_KEY_LIST,   0,           "[]", ANY, "what must hold after every step", AT(cn_body_spec, limit), N(cn_body_spec, nlimit), OF(cn_limit), MAP(limit_schema)},
-    {"skin",       CN_KEY_MAP,    CN_UNSET,    "", ANY, "surface shown in its place", MAP(skin_schema)},
+    {"skin",       CN_KEY_MAP,    CN_UNSET,    "", ANY, "a surface that it carries, shown in its place", MAP(skin_schema)},
     {0}};
 static const cn_schema body_schema = {body_keys, cn_check_body};
 

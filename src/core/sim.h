@@ -66,6 +66,21 @@ typedef struct {
     cn_model_body *body;
 } cn_model;
 
+/* What a push drive is about (drive_push.c). */
+typedef enum { CN_PUSH_ADVANCE, CN_PUSH_TURN, CN_PUSH_BACK } cn_push_phase;
+typedef struct {
+    cn_push_phase phase;
+    int tries;            /* drawn back and turned since `mark` */
+    double mark;          /* s_goal from which tries count anew [m] */
+    double best, best_at; /* farthest s_goal since the last try, base advance there [m] */
+    double until;         /* BACK: base advance to go back to [m] */
+    double turned;        /* by the base since `mark` or the last try, either way [rad] */
+    double sense;         /* in which it turns while the angle is more than a right one: 1, -1 */
+    double margin;        /* to the nearest limit, as a share of it; 1: none near */
+    double strayed[3];    /* unit vector from the path to where it was before the last try */
+    bool hidden;          /* a wall lies between the goal node and its place on the path */
+} cn_push;
+
 typedef struct {
     double *x, *v;    /* positions [m], velocities [m/s] (nblock x 3) */
     double *rotation; /* of the body (nturn x 4) */
@@ -75,6 +90,8 @@ typedef struct {
     int waypoint;     /* next one to reach */
     double progress;  /* farthest s_goal at `progress_time` [m], [s] */
     double progress_time;
+    double twist; /* base turn about `direction` [rad] */
+    cn_push push;
 } cn_body_state;
 
 typedef struct {
@@ -111,9 +128,14 @@ cn_status cn_state_new(cn_state **out, const cn_model *model);
 void cn_state_free(cn_state *state);
 void cn_state_copy(cn_state *to, const cn_state *from); /* bit for bit */
 void cn_state_copy_body(cn_body_state *to, const cn_body_state *from, const cn_model_body *body);
-/* Sheathed nodes move along the axis with the base; stations past the entry become free. */
-void cn_sheath_advance(const cn_model_body *body, cn_body_state *state, double advance, double dt);
+/* Sheathed nodes (from `nfree` on, which may be fewer than the state has free: those are drawn in) move with
+ * the base along the axis and turn about it; a rod's frames that take part get it as rotation vectors.
+ * Stations past the entry become free. */
+void cn_sheath_advance(const cn_model_body *body, cn_body_state *state, double advance, double turn,
+                       int nfree, double dt);
 void cn_sheath_release(const cn_model_body *body, cn_body_state *state);
+/* Nodes out of the sheath with the base at `inserted` [m]. */
+int cn_sheath_out(const cn_model_body *body, double inserted);
 /* For bodies [first, first + nbody). */
 cn_status cn_work_new(cn_work **out, const cn_model *model, int first, int nbody, cn_pool *pool,
                       cn_error *error);
@@ -154,6 +176,8 @@ typedef struct {
     const double *from; /* positions at the start of the step: the state's (nnode x 3) */
     double distance;    /* path_distance [m] */
     double advance;     /* base advance in this step [m] */
+    double turn;        /* and turn [rad] */
+    int nfree;          /* nodes free in this step: fewer than before where the base draws them in */
 } cn_drive;
 void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, const cn_path *path, double dt,
                       cn_drive *drive);
@@ -163,6 +187,22 @@ double cn_drive_add(const cn_drive *drive, int nfree, const double *x, double *f
 /* Where the goal node is on the path, and waypoints it counts as reached. */
 void cn_drive_progress(const cn_model_body *body, cn_body_state *state, const cn_path *path);
 bool cn_drive_arrived(const cn_model_body *body, const cn_body_state *state);
+/* Over which distance a drive slows down; the arc length at which it aims: the last waypoint, but no farther
+ * past the next one than its tolerance allows while that is not reached. */
+double cn_drive_lookahead(const cn_model_body *body);
+double cn_drive_aim(const cn_model_body *body, const cn_body_state *state, const cn_path *path);
+
+/* --- drive_push.c: the clinician's drive: forces come from the base alone --- */
+/* Refuses in words what it cannot drive: no catheter, no sheath, an end that cannot be bent so. */
+cn_status cn_push_check(const cn_body_spec *spec, bool sheath, cn_error *error);
+void cn_push_prepare(const cn_model_body *body, const cn_body_state *state, const cn_path *path, double dt,
+                     cn_drive *drive);
+/* After a step, with s_goal known: whether to go on, to turn, or to draw back and try again. */
+void cn_push_progress(const cn_model_body *body, cn_body_state *state, const cn_path *path);
+/* Draws the base back to `inserted` before it goes on, along whatever path it is then given. */
+void cn_push_back(cn_body_state *state, double inserted);
+/* True while it turns or draws back: no progress is asked of it. */
+bool cn_push_busy(const cn_model_body *body, const cn_body_state *state);
 void cn_axis_points(const cn_model_body *body, const cn_body_state *state, int *naxis, double *axis);
 
 #endif

@@ -10,6 +10,8 @@
 #include <string.h>
 #include "catnav/vec3.h"
 #include "mesh_parts.h"
+#include "molecules.h"
+#include "pool.h"
 #include "tree.h"
 
 /* Faces of tetrahedra with a volume, each once; item = tetrahedron. */
@@ -182,7 +184,7 @@ done:
     return status == CN_ERR_MEMORY ? cn_fail(error, status, "", 0, "out of memory for a skin") : status;
 }
 
-/* --- rotations of a body's points, for skins that hang on them --- */
+/* --- rotations of a body's nodes, for skins that hang on them --- */
 /* Adds q to the sum, with the sign that points the way of what is there. */
 static void add_turn(const double q[4], double sum[4])
 {
@@ -191,20 +193,26 @@ static void add_turn(const double q[4], double sum[4])
         sum[k] += sign * q[k];
 }
 
-void cn_skin_rotations(const cn_body *body, const double *rotation, double *turn)
+void cn_skin_rotations(const cn_body *body, const double *x, const double *rotation, double *turn,
+                       cn_pool *pool)
 {
-    const int per = body->ntet > 0 && body->model != CN_BODY_ROD ? body->nturn / body->ntet : 0;
-    memset(turn, 0, 4 * (size_t)body->npoint * sizeof *turn);
-    for (int p = 0; body->model == CN_BODY_ROD && p < body->npoint; p++)
-        memcpy(turn + 4 * (size_t)p, rotation + 4 * (size_t)cn_body_node_of(body, p), 4 * sizeof *turn);
+    const size_t n = (size_t)body->nnode, per = body->ntet > 0 ? (size_t)(body->nturn / body->ntet) : 0;
+    if (body->model == CN_BODY_MOLECULES) {
+        cn_molecule_rotations(((const cn_molecules *)body->own)->frames, x, turn, pool);
+        return;
+    }
+    if (body->model == CN_BODY_ROD) {
+        memcpy(turn, rotation, 4 * n * sizeof *turn);
+        return;
+    }
+    memset(turn, 0, 4 * n * sizeof *turn);
     for (size_t e = 0; per && e < (size_t)body->ntet; e++)
-        for (int k = 0; k < per; k++)
-            for (int a = 0; a < (body->mid ? 10 : 4); a++)
-                add_turn(rotation + 4 * (e * (size_t)per + (size_t)k),
-                         turn + 4 * (size_t)(a < 4 ? body->tet[4 * e + (size_t)a]
-                                                   : body->mid[6 * e + (size_t)a - 4]));
-    for (int p = 0; p < body->npoint; p++) {
-        double *q = turn + 4 * (size_t)p;
+        for (size_t k = 0; k < per; k++)
+            for (size_t a = 0; a < (body->mid ? 10 : 4); a++)
+                add_turn(rotation + 4 * (e * per + k),
+                         turn + 4 * (size_t)(a < 4 ? body->tet[4 * e + a] : body->mid[6 * e + a - 4]));
+    for (size_t i = 0; i < n; i++) {
+        double *q = turn + 4 * i;
         const double length = sqrt(q[0] * q[0] + cn_norm2(q + 1));
         for (int k = 0; k < 4; k++)
             q[k] = length > 0 ? q[k] / length : k == 0;

@@ -6,7 +6,6 @@
 
 #include <float.h>
 #include <stdlib.h>
-#include <string.h>
 #include <suitesparse/cholmod.h>
 
 struct cn_sparse {
@@ -14,11 +13,9 @@ struct cn_sparse {
     bool started;
     cholmod_sparse *matrix; /* permuted, one triangle */
     cholmod_factor *factor;
-    cholmod_dense *x, *e;               /* right-hand side and solution, workspace of the supernodal solves */
-    cholmod_dense *columns, *columns_e; /* the same for cn_sparse_columns */
+    cholmod_dense *x, *e; /* right-hand side and solution, workspace of the supernodal solves */
     int n;
     int *node;   /* node at a place in the order (n) */
-    int *place;  /* and the other way round, for cn_sparse_columns (n) */
     int *source; /* where an entry of the matrix stands in the blocks' values (nnz) */
     double flops, size;
 };
@@ -191,12 +188,9 @@ void cn_sparse_free(cn_sparse *sparse)
         cholmod_free_factor(&sparse->factor, &sparse->common);
         cholmod_free_dense(&sparse->x, &sparse->common);
         cholmod_free_dense(&sparse->e, &sparse->common);
-        cholmod_free_dense(&sparse->columns, &sparse->common);
-        cholmod_free_dense(&sparse->columns_e, &sparse->common);
         cholmod_finish(&sparse->common);
     }
     free(sparse->node);
-    free(sparse->place);
     free(sparse->source);
     free(sparse);
 }
@@ -261,58 +255,37 @@ static void solve_columns(const cholmod_factor *factor, double *x)
     }
 }
 
-/* All columns of y by the factor; e is workspace. */
-static bool solve_dense(cn_sparse *sparse, cholmod_dense *y, cholmod_dense *e)
-{
-    if (sparse->factor->is_super)
-        return cholmod_super_lsolve(sparse->factor, y, e, &sparse->common) &&
-               cholmod_super_ltsolve(sparse->factor, y, e, &sparse->common);
-    for (size_t k = 0; k < y->ncol; k++)
-        solve_columns(sparse->factor, (double *)y->x + k * y->d);
-    return true;
-}
-
 cn_status cn_sparse_solve(cn_sparse *sparse, const unsigned char *held, const double *b, double *x)
 {
     double *y = sparse->x->x;
+    int good = 1;
 
     for (int q = 0; q < sparse->n; q++)
         for (int c = 0; c < 3; c++)
             y[3 * q + c] = held[sparse->node[q]] ? 0 : b[3 * (size_t)sparse->node[q] + c];
-    if (!solve_dense(sparse, sparse->x, sparse->e)) return CN_ERR_MEMORY;
+    if (sparse->factor->is_super)
+        good = cholmod_super_lsolve(sparse->factor, sparse->x, sparse->e, &sparse->common) &&
+               cholmod_super_ltsolve(sparse->factor, sparse->x, sparse->e, &sparse->common);
+    else
+        solve_columns(sparse->factor, y);
+    if (!good) return CN_ERR_MEMORY;
     for (int q = 0; q < sparse->n; q++)
         for (int c = 0; c < 3 && !held[sparse->node[q]]; c++)
             x[3 * (size_t)sparse->node[q] + c] = y[3 * q + c];
     return CN_OK;
 }
 
-cn_status cn_sparse_reserve(cn_sparse *sparse)
+cn_factor_view cn_sparse_view(const cn_sparse *sparse)
 {
-    const size_t n = (size_t)sparse->n, ncol = 3 * CN_SPARSE_NODES;
-    if (sparse->place) return CN_OK;
-    sparse->columns = cholmod_zeros(3 * n, ncol, CHOLMOD_REAL, &sparse->common);
-    sparse->columns_e = cholmod_zeros(sparse->factor->maxesize, ncol, CHOLMOD_REAL, &sparse->common);
-    if (!sparse->columns || !sparse->columns_e || !(sparse->place = malloc((n + 1) * sizeof(int))))
-        return CN_ERR_MEMORY;
-    for (int q = 0; q < sparse->n; q++)
-        sparse->place[sparse->node[q]] = q;
-    return CN_OK;
-}
+    const cholmod_factor *l = sparse->factor;
+    cn_factor_view view = {.n = sparse->n, .node = sparse->node, .value = l->x};
 
-cn_status cn_sparse_columns(cn_sparse *sparse, const unsigned char *held, int count, const int *node,
-                            double *x)
-{
-    const size_t n3 = 3 * (size_t)sparse->n, ncol = 3 * CN_SPARSE_NODES;
-    double *y = sparse->columns->x;
-
-    memset(y, 0, n3 * ncol * sizeof *y); /* always as many: each column's rounding is its own */
-    for (int k = 0; k < 3 * count; k++)
-        if (!held[node[k / 3]])
-            y[(size_t)k * n3 + 3 * (size_t)sparse->place[node[k / 3]] + (size_t)(k % 3)] = 1;
-    if (!solve_dense(sparse, sparse->columns, sparse->columns_e)) return CN_ERR_MEMORY;
-    for (int k = 0; k < 3 * count; k++, y += n3, x += n3)
-        for (int q = 0; q < sparse->n; q++)
-            for (int c = 0; c < 3; c++)
-                x[3 * (size_t)sparse->node[q] + (size_t)c] = y[3 * q + c];
-    return CN_OK;
+    if (l->is_super) {
+        view.nblock = (int)l->nsuper, view.first = l->super;
+        view.row_at = l->pi, view.value_at = l->px, view.row = l->s;
+    } else {
+        view.nblock = 3 * sparse->n;
+        view.row_at = view.value_at = l->p, view.nrow = l->nz, view.row = l->i;
+    }
+    return view;
 }

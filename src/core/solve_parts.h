@@ -48,13 +48,40 @@ void cn_sparse_free(cn_sparse *sparse);
 void cn_sparse_cost(const cn_sparse *sparse, double *flops, double *size, bool *supernodal);
 cn_status cn_sparse_factor(cn_sparse *sparse, const cn_matrix *a, const unsigned char *held);
 cn_status cn_sparse_solve(cn_sparse *sparse, const unsigned char *held, const double *b, double *x);
-/* Columns of A^-1 for the three unknowns of each of `count` nodes, at most CN_SPARSE_NODES: column 3 k + c is
- * x[(3 k + c) 3n ..]; a held node's are zero, as are held rows. Many at once take a third of the time that one
- * by one would. cn_sparse_reserve takes the memory; both give CN_ERR_MEMORY. */
-enum { CN_SPARSE_NODES = 8 };
-cn_status cn_sparse_reserve(cn_sparse *sparse);
-cn_status cn_sparse_columns(cn_sparse *sparse, const unsigned char *held, int count, const int *node,
-                            double *x);
+/* Its factor L, A = L L' of the rows and columns in the order of `node`: blocks of columns with one pattern,
+ * column by column, their rows beginning with the columns themselves. Valid until the next factor. */
+typedef struct {
+    int n, nblock;
+    const int *node;          /* at a place in the order (n) */
+    const int *first;         /* column with which a block begins (nblock + 1); NULL: block b is column b */
+    const int *row_at, *nrow; /* where its rows begin, and how many; nrow NULL: up to the next one's */
+    const int *value_at;      /* where its first column begins; each has nrow values */
+    const int *row;
+    const double *value;
+} cn_factor_view;
+cn_factor_view cn_sparse_view(const cn_sparse *sparse);
+
+/* Columns of A^-1 for the unknowns of a few nodes at once, as far as they reach (solve_columns.c): blocks of
+ * L whose rows further on are negligible are passed over, so that time goes with what there is to see. */
+enum { CN_COLUMN_NODES = 8, CN_COLUMNS = 3 * CN_COLUMN_NODES };
+typedef struct {
+    double *x;          /* column 3 k + c of place q's component r: x[(3 q + r) CN_COLUMNS + 3 k + c] */
+    int nplace, *place; /* places in the order of which x holds rows; the others are negligible */
+    const int *node;    /* at each place (n) */
+    /* private */
+    void *memory;
+    int n, *place_of, *block_of;  /* of a node (n), of a column (3 n) */
+    unsigned char *seen, *active; /* (n), (blocks) */
+    void (*solve)(const cn_factor_view *l, const int *block_of, double drop, unsigned char *active,
+                  double *x);
+} cn_columns;
+/* Workspace; `most`: of the instruction sets, as cn_kernels_pick. */
+cn_status cn_columns_new(cn_columns **out, const cn_sparse *sparse, int most);
+void cn_columns_free(cn_columns *columns); /* NULL is fine */
+/* For `count` nodes with the last factor, for which `held` were held (their columns are zero). Negligible is
+ * below drop times the column's diagonal entry in every column. Allocates nothing. */
+void cn_columns_solve(cn_columns *columns, const cn_sparse *sparse, const unsigned char *held, int count,
+                      const int *node, double drop);
 
 /* Aggregates of nodes, each moved as a rigid body: the coarse space Z of a two-level preconditioner. */
 typedef struct cn_coarse cn_coarse;

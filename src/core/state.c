@@ -1,9 +1,12 @@
 /* state.c - what changes in a run, in one block: a copy restores it bit for bit. */
 #include "sim.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
+#include "polar.h"
+#include "rod_spin.h"
 
 /* The block: header, body states, then each body's x, v, rotation. */
 static void lay_out(cn_state *state, const cn_model *model)
@@ -17,8 +20,8 @@ static void lay_out(cn_state *state, const cn_model *model)
     }
 }
 
-/* Nodes of the stations whose last node is past the entry. */
-static int nodes_out(const cn_model_body *body, double inserted)
+/* Those of the stations whose last node is past the entry. */
+int cn_sheath_out(const cn_model_body *body, double inserted)
 {
     const int nnode = body->body->nnode;
     int out = 0;
@@ -38,8 +41,9 @@ static void start_body(const cn_model_body *body, cn_body_state *state)
     memcpy(state->x, body->start ? body->start : b->rest, 3 * (size_t)b->nnode * sizeof *state->x);
     cn_body_rotation_start(b, state->rotation);
     state->nfree = b->nnode;
+    state->push = (cn_push){.mark = -INFINITY, .best = -INFINITY, .margin = 1};
     if (body->catheter) state->inserted = spec->shape.catheter.inserted;
-    if (body->sheath) state->nfree = nodes_out(body, state->inserted);
+    if (body->sheath) state->nfree = cn_sheath_out(body, state->inserted);
     for (int i = 0; i < b->nnode; i++)
         cn_axpy(b->mass[i], state->x + 3 * i, centre), mass += b->mass[i];
     for (int i = 0; i < state->nfree; i++) {
@@ -99,21 +103,50 @@ void cn_state_copy(cn_state *to, const cn_state *from)
 #undef CN_MOVED
 }
 
-void cn_sheath_advance(const cn_model_body *body, cn_body_state *state, double advance, double dt)
+/* A rod's frames in the sheath: n turned with the base, t from the tip to it. Those that take part in the
+ * step keep the frame they had and get the rotation vector from there. */
+static void turn_frames(const cn_model_body *body, cn_body_state *state, const double n[3])
 {
-    state->inserted += advance;
-    for (int i = state->nfree; i < body->body->nnode; i++)
+    const int nnode = body->body->nnode;
+    double t[3], b[3], q[4];
+    for (int k = 0; k < 3; k++)
+        t[k] = -body->direction[k];
+    cn_cross(t, n, b);
+    const double r[9] = {n[0], b[0], t[0], n[1], b[1], t[1], n[2], b[2], t[2]};
+    cn_polar(r, q);
+    for (int i = state->nfree; i < nnode; i++)
+        if (i < state->nfree + body->per_station)
+            cn_spin_between(state->rotation + 4 * (size_t)i, q, state->x + 3 * (size_t)(nnode + i));
+        else
+            memcpy(state->rotation + 4 * (size_t)i, q, sizeof q);
+}
+
+void cn_sheath_advance(const cn_model_body *body, cn_body_state *state, double advance, double turn,
+                       int nfree, double dt)
+{
+    const int nnode = body->body->nnode;
+    double n[3] = {0}, b[3];
+    if (!body->catheter) return;
+    state->inserted += advance, state->twist += turn, state->nfree = nfree;
+    state->push.turned += fabs(turn);
+    cn_axpy(cos(state->twist), body->normal, n), cn_axpy(sin(state->twist), body->binormal, n);
+    cn_cross(body->direction, n, b);
+    for (int i = nfree; i < nnode; i++) {
+        const double *o = body->offset + 2 * i;
         for (int k = 0; k < 3; k++) {
             state->x[3 * i + k] = body->entry[k] + (state->inserted - body->behind[i]) * body->direction[k] +
-                                  body->offset[2 * i] * body->normal[k] +
-                                  body->offset[2 * i + 1] * body->binormal[k];
-            state->v[3 * i + k] = advance / dt * body->direction[k];
+                                  o[0] * n[k] + o[1] * b[k];
+            state->v[3 * i + k] = advance / dt * body->direction[k] + turn / dt * (o[0] * b[k] - o[1] * n[k]);
         }
+        for (int k = 0; body->body->nblock > nnode && k < 3; k++)
+            state->v[3 * (nnode + i) + k] = turn / dt * body->direction[k];
+    }
+    if (body->body->nblock > nnode && body->spec->drive.mode == CN_DRIVE_PUSH) turn_frames(body, state, n);
 }
 
 void cn_sheath_release(const cn_model_body *body, cn_body_state *state)
 {
     if (!body->sheath) return; /* all is free, and only a catheter has stations */
-    const int out = nodes_out(body, state->inserted);
+    const int out = cn_sheath_out(body, state->inserted);
     if (out > state->nfree) state->nfree = out;
 }

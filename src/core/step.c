@@ -14,6 +14,7 @@
 #include <string.h>
 #include "catnav/vec3.h"
 #include "polar.h"
+#include "rod_spin.h"
 
 static const double trbdf2_gamma = 0.58578643762690495; /* 2 - sqrt 2 */
 
@@ -49,14 +50,15 @@ static void turn_inertia(const cn_stage *s)
     }
 }
 
-/* A body in the first stage; its free nodes are those at the step's start. */
+/* A body in the first stage. */
 static void set_up(cn_stage *s, cn_part *part, const cn_body_state *from, double *x, double *rotation,
                    const cn_path *path, double dt)
 {
     const cn_model *model = part->model;
     const cn_model_body *body = part->body;
     const cn_body *b = body->body;
-    const int nfree = from->nfree;
+    cn_drive_prepare(body, from, path, dt, &part->drive);
+    const int nfree = part->drive.nfree;
     const bool rod = b->nblock > b->nnode;
     *s = (cn_stage){
         .part = part, .from = from, .h = dt, .nfree = nfree, .x = x, .rotation = rotation, .path = path};
@@ -68,7 +70,6 @@ static void set_up(cn_stage *s, cn_part *part, const cn_body_state *from, double
     memset(part->held, 1, (size_t)b->nblock);
     EACH_FREE(s, i)
     part->held[i] = body->fixed[i];
-    cn_drive_prepare(body, from, path, dt, &part->drive);
     turn_inertia(s);
     memset(part->lag, 0, 3 * (size_t)b->nblock * sizeof(double));
     memset(part->ahead, 0, 3 * (size_t)b->nblock * sizeof(double));
@@ -108,7 +109,8 @@ static void set_ahead(const cn_stage *s, double a, const double *v, double b, co
 static void drive_figures(const cn_stage *s, cn_step_figures *figures)
 {
     const cn_part *part = s->part;
-    double push = 0;
+    const int nnode = part->body->body->nnode;
+    double push = 0, torque = 0;
     for (int i = 0; i < s->nfree; i++) {
         double f[3];
         for (int k = 0; k < 3; k++)
@@ -117,10 +119,16 @@ static void drive_figures(const cn_stage *s, cn_step_figures *figures)
         for (int k = 0; k < 3; k++)
             figures->work += f[k] * (s->x[3 * i + k] - s->from->x[3 * i + k]);
     }
-    for (int i = s->nfree; i < s->nactive; i++)
+    for (int i = s->nfree; i < s->nactive; i++) {
+        double arm[3], moment[3];
         push -= cn_dot(part->elastic + 3 * i, part->body->direction);
+        cn_sub(s->x + 3 * i, part->body->entry, arm);
+        cn_cross(arm, part->elastic + 3 * i, moment);
+        torque -= cn_dot(nnode < part->body->body->nblock ? part->elastic + 3 * (nnode + i) : moment,
+                         part->body->direction);
+    }
     figures->force += fabs(push);
-    figures->work += push * part->drive.advance;
+    figures->work += push * part->drive.advance + torque * part->drive.turn;
 }
 
 /* The force at the start of the step, without inertia, into part->constant. */
@@ -272,6 +280,31 @@ static void place_walls(cn_work *work, double from, double to)
     }
 }
 
+/* Below this a sliding in a step is the creep of what sticks: a 1e-5th of the way that the speed leads which
+ * gravity gives in a step, or the drive asks for; without either, of contact's gap. */
+static double slip_of(const cn_work *work, double dt)
+{
+    const cn_model *model = work->model;
+    double speed = cn_norm(model->gravity) * model->dt;
+    for (int p = 0; p < work->npart; p++) {
+        const cn_body_spec *spec = work->part[p].body->spec;
+        if (spec->nwaypoint || spec->drive.mode != CN_DRIVE_FOLLOW) speed = fmax(speed, spec->drive.speed);
+    }
+    if (!(model->scene->contact.friction > 0)) return 0;
+    return 1e-5 * (speed > 0 ? speed * dt : work->surfaces->gap * dt / model->dt);
+}
+
+/* Friction's: where everything is at the step's start. */
+static void begin(const cn_group *g, double dt)
+{
+    cn_work *work = g->work;
+    work->slip = slip_of(work, dt);
+    work->contact->nrub = 0;
+    if (!(work->slip > 0)) return;
+    memcpy(work->begin, work->points, 3 * (size_t)work->surfaces->npoint * sizeof *work->begin); /* walls */
+    cn_touch_points(g, CN_AT_STATE, work->begin);
+}
+
 /* Everything where `state` has it: points, those that take part, axes; how many axis points. */
 static int gather(cn_work *work, const cn_state *state)
 {
@@ -374,7 +407,8 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
         cn_part *part = s->part;
         const cn_body *b = part->body->body;
         figures[s - g.stage] = (cn_step_figures){.gap = INFINITY};
-        cn_sheath_advance(part->body, &trial->body[part->index], part->drive.advance, dt);
+        cn_sheath_advance(part->body, &trial->body[part->index], part->drive.advance, part->drive.turn,
+                          s->nfree, dt);
         memset(part->u, 0, 3 * (size_t)b->nblock * sizeof(double));
         if (!part->damping.value) continue;
         cn_matrix_clear(part->matrix, s->rows < b->nblock ? s->nactive : b->nblock);
@@ -383,6 +417,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
         memcpy(part->damping.value, part->matrix->value, 9 * (size_t)part->matrix->nblock * sizeof(double));
     }
     if (work->surfaces) place_walls(work, state->time, state->time + dt);
+    if (g.strict) begin(&g, dt);
     status = model->integrator == CN_INTEGRATOR_MIDPOINT ? step_midpoint(&g, state->time, figures)
              : model->integrator == CN_INTEGRATOR_TRBDF2 ? step_trbdf2(&g, state->time, dt, figures)
                                                          : step_euler(&g, state->time, figures);
@@ -413,21 +448,6 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
     return status;
 }
 
-/* Rotation vector from frame p to q. */
-static void turned(const double p[4], const double q[4], double theta[3])
-{
-    double d[3], w = 0;
-    for (int k = 0; k < 4; k++)
-        w += p[k] * q[k];
-    const double *a = p + 1, *b = q + 1;
-    cn_cross(a, b, d);
-    for (int k = 0; k < 3; k++)
-        theta[k] = p[0] * b[k] - q[0] * a[k] + d[k];
-    const double sine = cn_norm(theta), angle = 2 * atan2(w < 0 ? -sine : sine, fabs(w));
-    for (int k = 0; k < 3; k++)
-        theta[k] *= sine > 0 ? angle / sine : 2;
-}
-
 /* Positions x (part->trial), velocities (trial_u) and accelerations (dx) of the step's last stage from its
  * two ends, and its time. A rod's x is in the chart of the start: rotation vectors since then. */
 static double last_stage(const cn_stage *s, const cn_body_state *to, double time, double dt)
@@ -444,7 +464,7 @@ static double last_stage(const cn_stage *s, const cn_body_state *to, double time
         const double *v0 = s->from->v + 3 * i, *x0 = s->from->x + 3 * i, *v1 = to->v + 3 * i;
         double *x = part->trial + 3 * i, *v = part->trial_u + 3 * i, *acceleration = part->dx + 3 * i;
         if (i >= nnode && integrator == CN_INTEGRATOR_TRBDF2)
-            turned(s->from->rotation + 4 * (i - nnode), to->rotation + 4 * (i - nnode), x);
+            cn_spin_between(s->from->rotation + 4 * (i - nnode), to->rotation + 4 * (i - nnode), x);
         for (int k = 0; k < 3; k++)
             if (integrator == CN_INTEGRATOR_TRBDF2) {
                 const double vg = (x[k] - x0[k] - h * v1[k]) / (a * h) - v0[k];
@@ -457,6 +477,8 @@ static double last_stage(const cn_stage *s, const cn_body_state *to, double time
                 if (i >= nnode) x[k] = dt * v[k];
             }
     }
+    for (int i = s->nfree; nnode < part->body->body->nblock && i < s->nactive; i++) /* turned by the base */
+        cn_spin_between(s->from->rotation + 4 * i, to->rotation + 4 * i, part->trial + 3 * (nnode + i));
     return integrator == CN_INTEGRATOR_MIDPOINT ? time + 0.5 * dt : time + dt;
 }
 
@@ -493,13 +515,19 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
     double most = 0;
     cn_group g;
     group_up(&g, work, state, (cn_state *)trial, path, dt);
+    if (g.strict) {
+        place_walls(work, state->time, state->time);
+        EACH_STAGE(&g, s)
+        s->x = s->from->x, s->rotation = s->from->rotation;
+        begin(&g, dt);
+    }
     EACH_STAGE(&g, s)
     {
         cn_part *part = s->part;
         const cn_body *b = part->body->body;
         const cn_body_state *to = &trial->body[part->index];
         const size_t all = 3 * (size_t)b->nblock * sizeof(double);
-        if (b->nblock > b->nnode) s->rotation = s->from->rotation;
+        s->rotation = b->nblock > b->nnode ? s->from->rotation : to->rotation;
         external_force(s, last_stage(s, to, state->time, dt));
         memset(part->elastic, 0, all), memset(part->path, 0, all), memset(part->touch, 0, all);
         memset(part->damped, 0, all);
@@ -511,8 +539,11 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
         s->x = part->trial;
     }
     if (g.strict) {
-        if (work->surfaces) place_walls(work, state->time + dt, state->time + dt);
-        if (cn_touch_find(&g) == CN_OK) cn_touch(&g, CN_AT_STATE, false, false);
+        place_walls(work, state->time + dt, state->time + dt);
+        if (cn_touch_find(&g) == CN_OK) {
+            cn_touch_note_friction(&g);
+            cn_touch(&g, CN_AT_STATE, false, false);
+        }
     }
     EACH_STAGE(&g, s)
     most = fmax(most, residual_of(s));

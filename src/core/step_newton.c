@@ -142,23 +142,33 @@ static double excess(const cn_group *g, bool converged)
     return most;
 }
 
-cn_status cn_stage_start(const cn_group *g, bool moved)
+static void shift(const cn_group *g, double fraction)
 {
-    double fraction = moved ? 1 : 0;
-    cn_status status = CN_OK;
-    if (g->strict && !moved) {
-        status = cn_touch_find(g);
-    } else if (g->strict) {
-        status = cn_touch_allowed(g, true, &fraction);
-        if (status == CN_OK) cn_touch_walls_taken(g->work, fraction);
-    }
-    if (status != CN_OK || !moved) return status;
     EACH_STAGE(g, s)
     EACH_FREE(s, i)
     for (int k = 3 * i; k < 3 * i + 3; k++) {
         s->part->u[k] += fraction * s->part->dx[k];
         s->x[k] = s->from->x[k] + s->part->u[k];
     }
+}
+
+cn_status cn_stage_start(const cn_group *g, bool moved)
+{
+    const bool rubs = g->strict && g->work->slip > 0;
+    double fraction = moved ? 1 : 0, still = 0;
+    cn_status status = CN_OK;
+    if (g->strict && !moved)
+        status = cn_touch_find(g);
+    else if (g->strict)
+        status = cn_touch_allowed(g, true, &fraction);
+    if (status != CN_OK) return status;
+    if (rubs) cn_touch_note_friction(g);
+    if (!moved) return CN_OK;
+    if (rubs) still = evaluate(g, CN_AT_STATE, -1);
+    if (g->strict) cn_touch_walls_taken(g->work, fraction);
+    shift(g, fraction);
+    /* what friction is about to stop is better begun at rest */
+    if (rubs && !g->work->moving && still < evaluate(g, CN_AT_STATE, -1)) shift(g, -fraction);
     return CN_OK;
 }
 
@@ -286,6 +296,17 @@ static void take_trial(const cn_group *g, double fraction)
     if (g->strict) cn_touch_walls_taken(g->work, fraction);
 }
 
+enum { FRICTION_LAGS = 8 };
+
+/* Friction by what presses now, not when it was last noted: true where that is out of balance. */
+static bool rubs_otherwise(const cn_group *g, int *lag, int tangent, double *energy)
+{
+    if (!g->strict || !(g->work->slip > 0) || ++*lag > FRICTION_LAGS) return false;
+    cn_touch_note_friction(g);
+    *energy = evaluate(g, CN_AT_STATE, tangent);
+    return excess(g, true) > 1;
+}
+
 cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
 {
     cn_work *work = g->work;
@@ -294,15 +315,19 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
     bool keep = cn_stage_keeps(g), assembled = !keep;
     double energy = evaluate(g, CN_AT_STATE, keep ? -1 : tangent), slope = 0, before = INFINITY;
     cn_status status = CN_OK;
+    int lag = 0;
 
     for (int done = 0;; done++) {
         if (!isfinite(energy)) return CN_ERR_NOT_FINITE;
         const bool arrived = !(work->moving && work->way_left > 1e-9); /* walls that move */
-        const double over = excess(g, true);
+        double over = excess(g, true);
         if (arrived && (done ? over : excess(g, false)) <= 1) {
-            EACH_STAGE(g, s)
-            balance(s);
-            return CN_OK;
+            if (!rubs_otherwise(g, &lag, tangent, &energy)) {
+                EACH_STAGE(g, s)
+                balance(s);
+                return CN_OK;
+            }
+            over = excess(g, true), before = INFINITY, assembled = true, keep = false;
         }
         if (done == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
         if (keep && done && over > 0.2 * before) keep = false; /* too stale to gain by */
@@ -322,7 +347,9 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
 
         /* Where the promised decrease is lost in the energy's round-off the gradient decides. */
         const bool lost = -slope <= 1e-11 * work->energy_size;
+        bool other = false; /* direction */
         for (int half = 0;; half++, fraction *= 0.5) {
+            if (half == 4 && g->strict && (other = cn_contact_friction_gently(work->contact))) break;
             if (half == 40) return lost ? CN_OK : CN_ERR_CONVERGENCE;
             if (half && !still_free(g, fraction, &status)) {
                 if (status != CN_OK) return status;
@@ -333,6 +360,7 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
             const bool better = !arrived ? isfinite(next) /* what they push is another potential */
                                 : lost   ? excess(g, true) < over
                                          : next <= energy + 1e-4 * fraction * slope;
+            if (!better && half == 0) cn_touch_overshot(g);
             if (model->single || better) {
                 assembled = then >= 0;
                 energy = half && assembled ? evaluate(g, CN_AT_TRIAL, then) : next;
@@ -343,6 +371,9 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
                 return CN_OK;
             }
         }
-        take_trial(g, fraction);
+        if (other)
+            energy = evaluate(g, CN_AT_STATE, tangent), assembled = true, keep = false;
+        else
+            take_trial(g, fraction);
     }
 }

@@ -69,10 +69,12 @@ struct cn_work {
     double *trial;  /* ... at a trial, ... */
     double *motion; /* ... between */
     double *goal;   /* where walls that move go to */
+    double *begin;  /* where everything was at the step's start */
     double *force, *mass;
     double *axis;    /* points of axes to be inside (all nodes x 3) */
     bool moving;     /* a wall goes along a path, ... */
     double way_left; /* ... this part of its way in the step is still to go */
+    double slip;     /* sliding in a step that still counts as sticking [m], 0: no friction */
     bool touched;    /* the surfaces of bodies take part in this step */
     double collision_s;
     double energy_size; /* of all energies [J] */
@@ -107,6 +109,10 @@ typedef enum { CN_AT_STATE, CN_AT_TRIAL } cn_where; /* stage->x, or part->trial 
 void cn_touch_points(const cn_group *g, cn_where at, double *points);
 /* Contact's energy, its force into every part->touch; stiff: also the matrices (cleared before) and links. */
 double cn_touch(const cn_group *g, cn_where at, bool stiff, bool exact);
+/* Friction is from here on as pairs press now. */
+void cn_touch_note_friction(const cn_group *g);
+/* The trial, a motion as long as it was to be, did not serve. */
+void cn_touch_overshot(const cn_group *g);
 /* Lists pairs around where things are; for a motion to come. */
 cn_status cn_touch_find(const cn_group *g);
 /* Largest part of *fraction of every part's dx that strict contact allows; pairs are listed anew when the

@@ -29,7 +29,7 @@ static bool factor_serves(const cn_stage *s)
 
 bool cn_stage_keeps(const cn_group *g)
 {
-    if (g->strict && cn_contact_touches(g->work->contact)) return false;
+    if (g->strict && (g->work->contact->nrub || cn_contact_touches(g->work->contact))) return false;
     EACH_STAGE(g, s)
     if (!factor_serves(s)) return false;
     return true;

@@ -43,8 +43,12 @@ double cn_touch(const cn_group *g, cn_where at, bool stiff, bool exact)
         if (part->carry)
             cn_body_carry(b, s->nactive, at == CN_AT_STATE ? s->x : part->trial, s->rotation, part->carry);
     }
-    const double energy = cn_contact_add(work->surfaces, work->contact, points, work->force,
-                                         stiff ? work->hang : NULL, exact, work->pool);
+    const double energy =
+        cn_contact_add(work->surfaces, work->contact, points, work->force, stiff ? work->hang : NULL, exact,
+                       work->pool) +
+        (work->slip > 0 ? cn_contact_add_friction(work->surfaces, work->contact, points, work->begin,
+                                                  work->slip, work->force, stiff ? work->hang : NULL)
+                        : 0);
     EACH_STAGE(g, s)
     {
         cn_part *part = s->part;
@@ -59,6 +63,22 @@ double cn_touch(const cn_group *g, cn_where at, bool stiff, bool exact)
     }
     work->collision_s += cn_step_seconds() - start;
     return energy;
+}
+
+void cn_touch_note_friction(const cn_group *g)
+{
+    cn_work *work = g->work;
+    if (!(work->slip > 0)) return;
+    cn_touch_points(g, CN_AT_STATE, work->points);
+    cn_contact_note_friction(work->surfaces, work->contact, work->points,
+                             work->model->scene->contact.friction, work->pool);
+}
+
+void cn_touch_overshot(const cn_group *g)
+{
+    const cn_work *work = g->work;
+    if (g->strict && work->slip > 0)
+        cn_contact_friction_overshot(work->contact, work->points, work->trial, work->begin, work->slip);
 }
 
 static double longest(int n, const double *dx)

@@ -102,12 +102,12 @@ static cn_status surfaces_new(cn_work *work)
     size_t naxis = 0;
     for (int p = 0; p < work->npart; p++)
         naxis += 3 * (size_t)work->part[p].body->body->nnode;
-    if (!(work->memory = calloc(6 * n + naxis + 1, sizeof *work->memory))) return CN_ERR_MEMORY;
+    if (!(work->memory = calloc(7 * n + naxis + 1, sizeof *work->memory))) return CN_ERR_MEMORY;
     if (!(work->hang = calloc(surfaces, sizeof *work->hang))) return CN_ERR_MEMORY;
     if (!(work->nfree = calloc(surfaces, sizeof *work->nfree))) return CN_ERR_MEMORY;
     work->points = work->memory, work->trial = work->points + n, work->motion = work->trial + n;
     work->goal = work->motion + n, work->force = work->goal + n, work->mass = work->force + n;
-    work->axis = work->mass + n;
+    work->begin = work->mass + n, work->axis = work->begin + n;
     for (int s = 0; s < work->surfaces->nsurface; s++) {
         const cn_contact_surface *surface = &work->surfaces->surface[s];
         memcpy(work->points + 3 * (size_t)surface->first, surface->rest,
@@ -120,6 +120,7 @@ static cn_status surfaces_new(cn_work *work)
     }
     memcpy(work->trial, work->points, n * sizeof *work->points);
     memcpy(work->goal, work->points, n * sizeof *work->points);
+    memcpy(work->begin, work->points, n * sizeof *work->points);
     return cn_contact_new(&work->contact, work->surfaces);
 }
 

@@ -7,7 +7,11 @@
 #include "solve_parts.h"
 
 /* Columns lie in chains of pages, a block (the node's rows of the vertex's three columns) for each node. */
-enum { PAGE = 16, NONE = -1, GROUP = CN_SPARSE_NODES };
+enum { PAGE = 16, NONE = -1, GROUP = CN_COLUMN_NODES };
+
+/* Solves pass over what is this much smaller again: what is below stays so. */
+#define PASSED_OVER (CN_COMPLIANCE_DROP / 4)
+
 typedef struct {
     int next, count;
     int node[PAGE];
@@ -25,7 +29,7 @@ struct cn_compliance {
     entry *entry; /* (n + 1): the last one joins newest and oldest; a vertex without pages joins itself */
     int *group, *member; /* group of a vertex (n); vertices by groups, GROUP each, NONE where it has fewer */
     int *slot;           /* place of a node in the list at hand; NONE between calls (n) */
-    double *column;      /* of a group (3 GROUP x 3 n) */
+    cn_columns *columns; /* of a group */
     unsigned char *held; /* (n) */
     cn_sparse *sparse;
     long solves, dropped;
@@ -70,9 +74,8 @@ cn_status cn_compliance_new(cn_compliance **out, const cn_matrix *a, const unsig
     c->group = malloc((n + 1) * sizeof *c->group);
     c->member = malloc((GROUP * n + 1) * sizeof *c->member);
     c->slot = malloc((n + 1) * sizeof *c->slot);
-    c->column = malloc((9 * GROUP * n + 1) * sizeof *c->column);
     c->held = calloc(n + 1, 1);
-    if (!c->page || !c->entry || !c->group || !c->member || !c->slot || !c->column || !c->held) goto fail;
+    if (!c->page || !c->entry || !c->group || !c->member || !c->slot || !c->held) goto fail;
     for (int i = 0; i < c->npage; i++)
         c->page[i].next = i + 1 < c->npage ? i + 1 : NONE;
     for (int i = 0; i <= c->n; i++)
@@ -81,7 +84,7 @@ cn_status cn_compliance_new(cn_compliance **out, const cn_matrix *a, const unsig
         c->held[i] = held[i];
     make_groups(c, a);
     if ((status = cn_sparse_new(&c->sparse, a)) != CN_OK) goto fail;
-    if ((status = cn_sparse_reserve(c->sparse)) != CN_OK) goto fail;
+    if ((status = cn_columns_new(&c->columns, c->sparse, 2)) != CN_OK) goto fail;
     if ((status = cn_sparse_factor(c->sparse, a, c->held)) != CN_OK) goto fail;
     *out = c;
     return CN_OK;
@@ -100,7 +103,7 @@ void cn_compliance_free(cn_compliance *c)
     free(c->group);
     free(c->member);
     free(c->slot);
-    free(c->column);
+    cn_columns_free(c->columns);
     free(c->held);
     free(c);
 }
@@ -146,48 +149,53 @@ static bool make_room(cn_compliance *c, int npage)
 
 /* --- columns --- */
 
-/* Whether a node stays in three columns, or for the vertex itself. */
-static bool stays(const cn_compliance *c, const double *column, const double largest[3], int i)
+/* Whether the node at place q stays in the columns of the group's vertex k. */
+static bool stays(const cn_columns *columns, int k, const double largest[3], int q)
 {
-    const size_t n3 = 3 * (size_t)c->n;
-    for (int k = 0; k < 3; k++)
-        for (int r = 0; r < 3; r++)
-            if (fabs(column[(size_t)k * n3 + 3 * (size_t)i + (size_t)r]) > CN_COMPLIANCE_DROP * largest[k])
-                return true;
+    const double *x = columns->x + 3 * CN_COLUMNS * (size_t)q + 3 * (size_t)k;
+    for (int r = 0; r < 3; r++, x += CN_COLUMNS)
+        for (int i = 0; i < 3; i++)
+            if (fabs(x[i]) > CN_COMPLIANCE_DROP * largest[i]) return true;
     return false;
 }
 
-/* Keeps a vertex's columns, for which others make room if `must`. */
-static cn_status keep(cn_compliance *c, int v, const double *column, bool must)
+static int add_page(cn_compliance *c, int *link)
 {
-    const size_t n3 = 3 * (size_t)c->n;
+    const int fresh = c->free_page;
+    c->free_page = c->page[fresh].next;
+    c->page[fresh].next = NONE, c->page[fresh].count = 0;
+    return *link = fresh;
+}
+
+/* Keeps the columns of the group's vertex k, which is v; for these others make room if `must`. */
+static cn_status keep(cn_compliance *c, int v, int k, bool must)
+{
+    const cn_columns *columns = c->columns;
     double largest[3] = {0};
     int count = 0;
-    for (size_t k = 0; k < 3; k++)
-        for (size_t i = 0; i < n3; i++)
-            largest[k] = fmax(largest[k], fabs(column[k * n3 + i]));
-    for (int i = 0; i < c->n; i++)
-        count += i == v || stays(c, column, largest, i);
-    const int npage = (count + PAGE - 1) / PAGE;
+    for (int p = 0; p < columns->nplace; p++)
+        for (int r = 0; r < 9; r++)
+            largest[r % 3] = fmax(
+                largest[r % 3], fabs(columns->x[(3 * (size_t)columns->place[p] + (size_t)r / 3) * CN_COLUMNS +
+                                                3 * (size_t)k + (size_t)r % 3]));
+    for (int p = 0; p < columns->nplace; p++)
+        count += columns->node[columns->place[p]] == v || stays(columns, k, largest, columns->place[p]);
+    const int npage = count > 0 ? (count + PAGE - 1) / PAGE : 1; /* none of a held vertex: an empty page */
     if (c->nfree < npage && (!must || !make_room(c, npage))) return CN_ERR_MEMORY;
-    for (int i = 0, last = NONE; i < c->n; i++) {
-        if (i != v && !stays(c, column, largest, i)) continue;
-        if (last == NONE || c->page[last].count == PAGE) {
-            const int fresh = c->free_page;
-            c->free_page = c->page[fresh].next;
-            c->page[fresh].next = NONE, c->page[fresh].count = 0;
-            *(last == NONE ? &c->entry[v].first : &c->page[last].next) = fresh;
-            last = fresh;
-        }
-        page *p = c->page + last;
-        double *block = p->block[p->count];
-        p->node[p->count++] = i;
+    int last = add_page(c, &c->entry[v].first);
+    for (int p = 0; p < columns->nplace; p++) {
+        const int q = columns->place[p], node = columns->node[q];
+        const double *x = columns->x + 3 * CN_COLUMNS * (size_t)q + 3 * (size_t)k;
+        if (node != v && !stays(columns, k, largest, q)) continue;
+        if (c->page[last].count == PAGE) last = add_page(c, &c->page[last].next);
+        double *block = c->page[last].block[c->page[last].count];
+        c->page[last].node[c->page[last].count++] = node;
         for (int r = 0; r < 3; r++)
-            for (int k = 0; k < 3; k++)
-                block[3 * r + k] = column[(size_t)k * n3 + 3 * (size_t)i + (size_t)r];
-        for (int r = 0; i == v && r < 3; r++) /* its own is symmetric but for rounding */
-            for (int k = 0; k < r; k++)
-                block[3 * r + k] = block[3 * k + r];
+            for (int i = 0; i < 3; i++)
+                block[3 * r + i] = x[r * CN_COLUMNS + i];
+        for (int r = 0; node == v && r < 3; r++) /* its own is symmetric but for rounding */
+            for (int i = 0; i < r; i++)
+                block[3 * r + i] = block[3 * i + r];
     }
     c->nfree -= npage, c->entry[v].npage = npage;
     make_newest(c, v);
@@ -201,13 +209,14 @@ static cn_status solve_group(cn_compliance *c, int v)
     int count = 0;
     while (count < GROUP && member[count] != NONE)
         count++;
-    cn_status status = cn_sparse_columns(c->sparse, c->held, count, member, c->column);
+    cn_status status = CN_OK;
+    cn_columns_solve(c->columns, c->sparse, c->held, count, member, PASSED_OVER);
     c->solves++;
     for (int asked = 1; asked >= 0; asked--)
         for (int k = 0; k < count && status == CN_OK; k++) {
             const int m = member[k];
             if (c->entry[m].npage > 0 || (c->slot[m] != NONE) != asked) continue;
-            status = keep(c, m, c->column + (size_t)k * 9 * (size_t)c->n, asked);
+            status = keep(c, m, k, asked);
             if (!asked) status = CN_OK;
         }
     return status;

@@ -4,9 +4,9 @@
  * first touched, with those of its group of neighbours, which cost little more and are touched next. They are
  * kept as long as they fit the memory; those unused for longest make room. Of a vertex's columns the nodes
  * are dropped where no entry is above CN_COMPLIANCE_DROP of its column's largest: a component of a
- * displacement is off by less than CN_COMPLIANCE_DROP times the sum over all components of force of |f| times
- * the largest entry of their columns. C_TT is symmetric to the last bit, and results do not depend on what
- * was asked for before. One thread. */
+ * displacement is off by less than about CN_COMPLIANCE_DROP times the sum over all components of force of |f|
+ * times the largest entry of their columns. C_TT is symmetric to the last bit, and results do not depend on
+ * what was asked for before. One thread. */
 #ifndef CN_WALL_COMPLIANCE_H
 #define CN_WALL_COMPLIANCE_H
 

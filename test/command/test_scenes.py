@@ -1,6 +1,8 @@
 #!/usr/bin/python3
 """The scenes of launch/scenes. argv[1] or CATNAV is the command. CATNAV_SCENES=all: whole runs at full size too."""
+import csv
 import json
+import math
 import os
 import subprocess
 import sys
@@ -24,6 +26,37 @@ def run(scene, **settings):
         done = subprocess.run(words, capture_output=True, text=True, timeout=1800)
         with open(report) as file:
             return done.returncode, json.load(file), done.stdout + done.stderr
+
+
+def path(scene, **settings):
+    """Points of a scene's plan."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = os.path.join(folder, "path.csv")
+        words = [CATNAV, "plan", os.path.join(SCENES, scene), "--out", out]
+        for key, value in settings.items():
+            words += ["--set", key.replace("__", ".") + "=" + json.dumps(value)]
+        subprocess.run(words, check=True, capture_output=True, timeout=600)
+        with open(out) as file:
+            return [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+
+
+def sharpest_turn(way, chord):
+    """Largest angle between the chords before and after a point of the path."""
+    def at(s):
+        i = next(i for i in range(1, len(way)) if way[i]["s"] >= s or i == len(way) - 1)
+        a, b = way[i - 1], way[i]
+        t = (s - a["s"]) / (b["s"] - a["s"])
+        return [a[k] + t * (b[k] - a[k]) for k in "xyz"]
+
+    largest = 0
+    for p in way:
+        if not chord <= p["s"] <= way[-1]["s"] - chord:
+            continue
+        before, here, after = at(p["s"] - chord), at(p["s"]), at(p["s"] + chord)
+        u, w = ([b - a for a, b in zip(*ends)] for ends in ((before, here), (here, after)))
+        cosine = sum(a * b for a, b in zip(u, w)) / math.hypot(*u) / math.hypot(*w)
+        largest = max(largest, math.acos(min(1, cosine)))
+    return largest
 
 
 class Scenes(unittest.TestCase):
@@ -69,6 +102,53 @@ class Scenes(unittest.TestCase):
         status, report, said = run("bear.yaml")
         self.assertEqual(status, 0, said)
         self.unharmed(report, 1e-4)
+
+    # snake
+    def test_the_snake_and_its_rocks_are_of_the_papers_size(self):
+        status, report, said = run("snake.yaml", time_limit=0.01)
+        self.assertEqual(status, 3, said)
+        self.assertGreaterEqual(report["counts"]["deformable_nodes"], 6832)
+        self.assertGreaterEqual(report["counts"]["rigid_nodes"], 5302)
+        self.assertEqual(report["contact"]["intersections"] + report["contact"]["outside_nodes"], 0)
+
+    def test_the_snakes_way_winds_between_the_rocks_on_the_ground(self):
+        straight, slithering = (path("snake.yaml", bodies__snake__path__deviation=deviation)
+                                for deviation in ([], [{"amplitude": 0.5, "wavelength": 6, "normal": [0, 0, 1]}]))
+        for way in straight, slithering:
+            self.assertLess(max(abs(p["z"]) for p in way), 1e-3)
+            self.assertGreaterEqual(min(p["clearance"] for p in way), 0.14)
+            self.assertLessEqual(sharpest_turn(way, 0.56), math.radians(22.5))
+            self.assertEqual([way[-1][k] for k in "xyz"], [18.5, 0, 0])
+            self.assertTrue(any(2 < p["x"] < 11 and abs(p["y"]) < 4.2 for p in way))  # not around the field
+        self.assertGreater(slithering[-1]["s"], 1.01 * straight[-1]["s"])
+
+    @unittest.skipUnless(os.environ.get("CATNAV_SCENES") == "all", "whole runs: CATNAV_SCENES=all")
+    def test_the_snake_slithers_to_the_other_side(self):
+        status, report, said = run("snake.yaml")
+        self.assertEqual(status, 0, said)
+        self.unharmed(report, 0.1)  # it ends in a curve of its path
+
+    # the paper's table
+    def test_the_papers_table_stands_beside_our_figures_for_both_methods(self):
+        with tempfile.TemporaryDirectory() as folder:
+            words = [CATNAV, "study", "table1", "--scenes", "bear", "--steps", "2", "--out", folder]
+            done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            with open(os.path.join(folder, "table1.json")) as file:
+                rows = json.load(file)
+        for word in ("planning [s]", "collision [s]", "ms a step", "358.8", "3.12", "paper's method", "density 1000"):
+            self.assertIn(word, done.stdout)
+        self.assertEqual([row["method"] for row in rows], ["ours", "paper's method"])
+        for row in rows:
+            self.assertEqual(row["steps"], 2)
+            self.assertAlmostEqual(row["ms a step"], 1e3 * row["simulation [s]"] / row["steps"])
+        self.assertEqual(rows[0]["deformable nodes"], rows[1]["deformable nodes"])
+
+    def test_a_table_of_scenes_that_are_none_is_refused(self):
+        for word in ("--scenes", "--seconds"):
+            done = subprocess.run([CATNAV, "study", "table1", word, "none"], capture_output=True, text=True, timeout=60)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn("none", done.stderr)
 
 
 if __name__ == "__main__":

@@ -477,7 +477,7 @@ static void a_frame_of_a_wall_has_its_triangles_and_their_stress(void **state)
     cn_measures m;
     stir(&s, 4, 0.01);
     cn_body_measure(s.body, s.body->nnode, s.x, NULL, true, &m, stress, NULL);
-    const cn_frame_body frame = {"wall", s.body, s.body->nnode, s.x, stress, INFINITY};
+    const cn_frame_body frame = {"wall", s.body, s.body->nnode, s.x, stress, INFINITY, NULL, NULL};
     cn_error error = {0};
     char text[2048] = "";
     assert_int_equal(cn_vtu_write(&frame, path, &error), CN_OK);

@@ -73,10 +73,10 @@ static void the_index_is_whole_after_every_frame_and_names_every_piece(void **st
 {
     (void)state;
     double x[15], stress[2] = {1, 2};
-    const cn_frame_body bodies[] = {{"catheter", &body, 5, x, stress, INFINITY},
-                                    {"a/b c", &body, 5, x, NULL, INFINITY},
-                                    {"a_b_c", &body, 5, x, stress, INFINITY},
-                                    {"..", &body, 5, x, stress, INFINITY}};
+    const cn_frame_body bodies[] = {{"catheter", &body, 5, x, stress, INFINITY, NULL, NULL},
+                                    {"a/b c", &body, 5, x, NULL, INFINITY, NULL, NULL},
+                                    {"a_b_c", &body, 5, x, stress, INFINITY, NULL, NULL},
+                                    {"..", &body, 5, x, stress, INFINITY, NULL, NULL}};
     cn_frames *frames;
     cn_error error = {0};
     size_t n;
@@ -127,7 +127,7 @@ static void a_piece_holds_positions_displacements_and_stresses_to_the_last_bit(v
     double x[15], stress[2] = {1.0 / 3, 1e300};
     for (int i = 0; i < 15; i++)
         x[i] = rest[i] + 1e-3 * sin(i);
-    const cn_frame_body moved = {"bits", &body, 5, x, stress, INFINITY};
+    const cn_frame_body moved = {"bits", &body, 5, x, stress, INFINITY, NULL, NULL};
     const cn_frame frame = one_frame(7, &moved, 1);
     cn_frames *frames;
     size_t n;
@@ -190,8 +190,8 @@ static void a_run_that_goes_back_leaves_the_branch_it_took(void **state)
     (void)state;
     const double stress[2] = {1, 2};
     double x[15];
-    const cn_frame_body pieces[] = {{"back", &body, 5, x, stress, INFINITY},
-                                    {"wire", &body, 5, rest, stress, INFINITY}};
+    const cn_frame_body pieces[] = {{"back", &body, 5, x, stress, INFINITY, NULL, NULL},
+                                    {"wire", &body, 5, rest, stress, INFINITY, NULL, NULL}};
     static const int first[] = {0, 4, 8, 12, 13}, again[] = {8, 12, 12}, expected[] = {0, 4, 8, 12, -1};
     int steps[8];
     size_t n;
@@ -246,8 +246,8 @@ static void a_folder_holds_one_run_and_files_of_others_stay(void **state)
     static const char *const foreign[] = {"../keep_1.vtu", "keep.vtu", "keep_1.vtp", "keep_x.vtu",
                                           ".keep_1.vtu"};
     const double stress[2] = {1, 2};
-    const cn_frame_body pieces[] = {{"old", &body, 5, rest, stress, INFINITY},
-                                    {"gone", &body, 5, rest, stress, INFINITY}};
+    const cn_frame_body pieces[] = {{"old", &body, 5, rest, stress, INFINITY, NULL, NULL},
+                                    {"gone", &body, 5, rest, stress, INFINITY, NULL, NULL}};
     static const int first[] = {0, 7, 90};
     int steps[8];
     cn_frames *frames;
@@ -285,8 +285,8 @@ static void a_second_run_in_the_same_folder_is_refused_and_harms_nothing(void **
 {
     (void)state;
     const double stress[2] = {1, 2};
-    const cn_frame_body pieces[] = {{"one", &body, 5, rest, stress, INFINITY},
-                                    {"two", &body, 5, rest, stress, INFINITY}};
+    const cn_frame_body pieces[] = {{"one", &body, 5, rest, stress, INFINITY, NULL, NULL},
+                                    {"two", &body, 5, rest, stress, INFINITY, NULL, NULL}};
     static const int steps[] = {0, 1};
     int listed[8];
     cn_frames *frames, *second;
@@ -335,7 +335,7 @@ static void vtk_reads_back_what_was_written(void **state)
     double x[15], stress[2] = {5, 1.0 / 3};
     for (int i = 0; i < 15; i++)
         x[i] = rest[i] + 0.1 * i;
-    const cn_frame_body moved = {"vtk", &body, 5, x, stress, INFINITY};
+    const cn_frame_body moved = {"vtk", &body, 5, x, stress, INFINITY, NULL, NULL};
     const cn_frame frame = one_frame(3, &moved, 1);
     cn_frames *frames;
     assert_int_equal(cn_frames_open(&frames, folder, NULL), CN_OK);
@@ -387,7 +387,7 @@ static void vtk_sees_second_order_tetrahedra_with_their_mid_nodes_in_place(void 
         x[12 + k] = 0.5 * (rest[3 * edge[k / 3][0] + k % 3] + rest[3 * edge[k / 3][1] + k % 3]);
     const cn_body second = {
         .nnode = 10, .npoint = 10, .ntet = 1, .tet = corner, .mid = mid, .rest = x, .point = x};
-    const cn_frame_body piece = {"second", &second, 10, x, NULL, INFINITY};
+    const cn_frame_body piece = {"second", &second, 10, x, NULL, INFINITY, NULL, NULL};
     const cn_frame frame = one_frame(0, &piece, 1);
     cn_frames *frames;
     char line[256], path[128];
@@ -446,7 +446,7 @@ static void nothing_that_is_not_finite_is_written(void **state)
     cn_frames *frames;
     memcpy(x, rest, sizeof x);
     assert_int_equal(cn_frames_open(&frames, folder, NULL), CN_OK);
-    const cn_frame_body bad = {"bad", &body, 5, x, stress, INFINITY};
+    const cn_frame_body bad = {"bad", &body, 5, x, stress, INFINITY, NULL, NULL};
     cn_frame frame = one_frame(1, &bad, 1);
     assert_int_equal(cn_frames_write(frames, &frame, &error), CN_ERR_NOT_FINITE);
     stress[1] = 0;
@@ -476,7 +476,7 @@ static void a_full_disk_leaves_the_index_whole(void **state)
     (void)state;
     static const char tail[] = "</Collection>\n</VTKFile>\n";
     const double stress[2] = {1, 2};
-    const cn_frame_body piece = {"full", &body, 5, rest, stress, INFINITY};
+    const cn_frame_body piece = {"full", &body, 5, rest, stress, INFINITY, NULL, NULL};
     struct rlimit old, small;
     size_t n;
     cn_frames *frames;
@@ -531,8 +531,8 @@ static void every_allocation_may_fail(void **state)
 {
     (void)state;
     const double stress[2] = {1, 2};
-    const cn_frame_body bodies[] = {{"a", &body, 5, rest, stress, INFINITY},
-                                    {"b", &body, 5, rest, stress, INFINITY}};
+    const cn_frame_body bodies[] = {{"a", &body, 5, rest, stress, INFINITY, NULL, NULL},
+                                    {"b", &body, 5, rest, stress, INFINITY, NULL, NULL}};
     const cn_frame frame = one_frame(2, bodies, 2);
     bool fired = true;
     for (long i = 0; fired; i++) {

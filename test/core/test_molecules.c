@@ -486,6 +486,9 @@ static void the_matrix_has_blocks_for_all_anchors_of_a_triangle(void **state)
     cn_body *body;
     assert_int_equal(cn_surface_sphere(&surface, centre, 0.1), CN_OK);
     assert_int_equal(cn_body_new_molecules(&body, surface, &spec, 3, &soft, NULL), CN_OK);
+    assert_int_equal(body->ncouple, 0);
+    assert_int_equal(cn_body_couple(body), CN_OK);
+    assert_true(body->ncouple > 0);
     fixture s = hold_body(body);
     for (int t = 0; t < body->boundary->ntri; t++)
         for (int k = 0; k < 12; k++)
@@ -507,11 +510,10 @@ static void explicit_steps_keep_momentum_and_energy(void **state)
     const int n = body->nnode;
     double *x = numbers(3 * n), *v = numbers(3 * n), *work = numbers(3 * n), p0[3] = {0}, p1[3] = {0};
     double e0 = 0, least = INFINITY, most = 0;
-    unsigned seed = 3;
     int substeps;
     memcpy(x, body->rest, 3 * (size_t)n * sizeof *x);
     for (int i = 0; i < 3 * n; i++) {
-        v[i] = 0.1 * shape_random(&seed);
+        v[i] = 0.1 + 3 * (body->rest[i / 3 * 3 + (i + 1) % 3] - (i % 3 ? 1 : 2) * body->rest[i]);
         p0[i % 3] += body->mass[i / 3] * v[i], e0 += 0.5 * body->mass[i / 3] * v[i] * v[i];
     }
     for (int step = 0; step < 200; step++) {
@@ -525,7 +527,7 @@ static void explicit_steps_keep_momentum_and_energy(void **state)
     for (int i = 0; i < 3 * n; i++)
         p1[i % 3] += body->mass[i / 3] * v[i];
     assert_true(cn_distance(p0, p1) < 1e-12 * cn_norm(p0));
-    assert_true(least > 0.7 * e0 && most < 1.3 * e0); /* symplectic: bounded, no drift */
+    assert_true(least > 0.8 * e0 && most < 1.25 * e0); /* symplectic: bounded, no drift */
     free(x), free(v), free(work);
     cn_body_free(body);
 }
@@ -604,11 +606,10 @@ static void the_stable_step_is_stable_and_not_far_from_the_limit(void **state)
             for (int i = 0; i < n; i++)
                 y[i] = z[i] / square;
         }
-        const double w = sqrt(square), c = m.damping_stiffness * square;
+        const double c = m.damping_stiffness * square;
         const double limit = (sqrt(c * c + 4 * square) - c) / square;
-        const double step = cn_molecules_stable_step(s.body);
-        (void)w;
-        assert_true(step <= limit && step > 0.3 * limit);
+        const double step = cn_molecules_stable_step(s.body, s.x, NULL);
+        assert_true(step <= limit && step > 0.7 * limit);
         free(y), free(z);
         fixture_free(&s);
     }
@@ -671,6 +672,7 @@ static void every_failed_allocation_is_reported_and_nothing_leaks(void **state)
         cn_carry *carry = NULL;
         cn_error error = {0};
         cn_status status = cn_body_new_molecules(&body, surface, &spec, 1, &soft, &error);
+        if (status == CN_OK) status = cn_body_couple(body);
         if (status == CN_OK) status = cn_carry_new(&carry, body);
         /* a tree that cannot be made smaller is as good */
         assert_true(status == CN_ERR_MEMORY ? fail_alloc_fired() : status == CN_OK && body && carry);

@@ -206,6 +206,7 @@ static void a_deviation_is_the_sinusoid_asked_for(void **state)
     (void)state;
     assert_int_equal(case_tube(&c, 2e-3, 2, axis, radius), 0);
     c.spec.ndeviation = 2, c.spec.deviation = wave;
+    c.spec.max_turn = pi; /* it may turn as it likes */
     const cn_plan_query query = case_query(&c, 2, point);
     cn_path *path = plan(&query, 2, point, NULL);
     for (int i = 0; i < path->n; i++) {
@@ -230,6 +231,7 @@ static void a_deviation_shrinks_where_room_lacks(void **state)
     (void)state;
     assert_int_equal(case_tube(&c, 2e-3, 4, axis, radius), 0);
     c.spec.ndeviation = 1, c.spec.deviation = &wave;
+    c.spec.max_turn = pi;
     const cn_plan_query query = case_query(&c, 2, point);
     cn_path *path = plan(&query, 2, point, NULL);
     for (int i = 0; i < path->n; i++) {
@@ -240,6 +242,27 @@ static void a_deviation_shrinks_where_room_lacks(void **state)
     assert_true(wide > 6e-3);
     assert_true(narrow > 1e-3);
     assert_true(least_clearance(path) >= c.radius);
+    cn_path_free(path);
+    case_free(&c);
+}
+
+/* A wave of amplitude A and length l turns by about A (2 pi / l)^2 times the chord: 82 degrees here. */
+static void a_deviation_shrinks_until_it_turns_no_more_than_allowed(void **state)
+{
+    plan_case c;
+    double axis[6] = {0, 0, 0, 0, 0, 0.2}, radius[2] = {0.02, 0.02}, widest = 0;
+    const double point[6] = {0, 0, 0.01, 0, 0, 0.19};
+    cn_deviation wave = {4e-3, 0.03, 0, {0, 1, 0}};
+    (void)state;
+    assert_int_equal(case_tube(&c, 2e-3, 2, axis, radius), 0);
+    c.spec.ndeviation = 1, c.spec.deviation = &wave;
+    c.spec.max_turn = 22.5 * pi / 180;
+    const cn_plan_query query = case_query(&c, 2, point);
+    cn_path *path = plan(&query, 2, point, NULL);
+    assert_true(path->turn_max <= c.spec.max_turn);
+    for (int i = 0; i < path->n; i++)
+        widest = fmax(widest, fabs(path->x[3 * i]));
+    assert_true(widest > 0.5e-3 && widest < 2e-3); /* less than asked for, but it does wave */
     cn_path_free(path);
     case_free(&c);
 }
@@ -262,6 +285,29 @@ static void a_plane_is_a_region_to_lie_on(void **state)
     cn_path *path = plan(&query, 3, sag, NULL);
     for (int i = 0; i < path->n; i++)
         assert_true(fabs(path->x[3 * i + 1] - 0.008) < 0.5e-3);
+    cn_path_free(path);
+    case_free(&c);
+}
+
+static void a_band_keeps_its_distance_from_the_surface_named(void **state)
+{
+    plan_case c;
+    double axis[6] = {0, 0, 0, 0, 0, 0.2}, radius[2] = {0.02, 0.02}, least = INFINITY, most = 0;
+    const double point[6] = {0.014, 0, 0.01, 0.014, 0, 0.19}; /* 6 mm from the wall */
+    const double sag[9] = {0.014, 0, 0.01, 0, 0, 0.1, 0.014, 0, 0.19};
+    (void)state;
+    assert_int_equal(case_tube(&c, 2e-3, 2, axis, radius), 0);
+    c.spec.region = CN_REGION_BAND;
+    c.spec.band_surface = (char *)(uintptr_t)case_names[0];
+    c.spec.band_min = 5e-3, c.spec.band_max = 7e-3;
+    const cn_plan_query query = case_query(&c, 2, point);
+    double toward[3];
+    assert_true(fabs(cn_plan_region(&query, sag + 3, toward) - 0.013) < 1e-4); /* 20 mm from it, 7 allowed */
+    assert_true(cn_plan_region(&query, point, NULL) == 0);
+    cn_path *path = plan(&query, 3, sag, NULL);
+    for (int i = 0; i < path->n; i++)
+        least = fmin(least, path->clearance[i]), most = fmax(most, path->clearance[i]);
+    assert_true(least > 4.7e-3 && most < 7.3e-3);
     cn_path_free(path);
     case_free(&c);
 }
@@ -349,7 +395,9 @@ int main(void)
         cmocka_unit_test(a_refused_ball_stays_out_of_the_path),
         cmocka_unit_test(a_deviation_is_the_sinusoid_asked_for),
         cmocka_unit_test(a_deviation_shrinks_where_room_lacks),
+        cmocka_unit_test(a_deviation_shrinks_until_it_turns_no_more_than_allowed),
         cmocka_unit_test(a_plane_is_a_region_to_lie_on),
+        cmocka_unit_test(a_band_keeps_its_distance_from_the_surface_named),
         cmocka_unit_test(results_do_not_depend_on_the_unit_of_length),
         cmocka_unit_test(the_door_refuses_what_cannot_be_planned),
     };

@@ -500,7 +500,7 @@ static void nodes_turn_with_their_elements(void **state)
         cn_body_measure(body, body->nnode, x, rotation, false, &measures, NULL, NULL);
         for (int i = 0; i < 4 * body->nturn; i++) /* q and -q are one rotation */
             rotation[i] *= i / 4 % 3 ? 1 : -1;
-        cn_skin_rotations(body, rotation, turn);
+        cn_skin_rotations(body, x, rotation, turn, NULL);
         for (int i = 0; i < body->npoint; i++) {
             cn_quaternion_matrix(turn + 4 * i, node);
             for (int k = 0; k < 9; k++)

@@ -10,6 +10,7 @@
 
 #include "catnav/vec3.h"
 #include "fail_alloc.h"
+#include "solve_parts.h"
 #include "wall_cases.h"
 #include "wall_compliance.h"
 
@@ -109,6 +110,53 @@ static void touched_vertices_give_way_as_a_full_solve_says(void **state)
     }
 }
 
+static void columns_are_those_of_full_solves_for_any_instruction_set(void **state)
+{
+    (void)state;
+    int super = 0, simple = 0;
+    for (int wide = 0; wide < 2; wide++) { /* CHOLMOD takes the membrane column by column */
+        cn_wall_spec spec = plain_wall[wide];
+        spec.foundation = 1e4;
+        fixture s = wall_of(wall_grid(24, 16, 0.2, false, wall_bent), spec);
+        const int n = s.body->nnode, node[5] = {n / 2, 0, n / 3, 5, n - 1};
+        unsigned char *held = flags(n);
+        cn_sparse *sparse;
+        held[5] = held[7] = 1;
+        fixture_force(&s, CN_TANGENT_EXACT, s.scatter, NULL);
+        assert_int_equal(cn_sparse_new(&sparse, s.matrix), CN_OK);
+        assert_int_equal(cn_sparse_factor(sparse, s.matrix, held), CN_OK);
+        super += cn_sparse_view(sparse).nrow == NULL, simple += cn_sparse_view(sparse).nrow != NULL;
+        cn_columns *c[3];
+        for (int most = 0; most < 3; most++) {
+            assert_int_equal(cn_columns_new(&c[most], sparse, most), CN_OK);
+            cn_columns_solve(c[most], sparse, held, 5, node, 1e-3); /* what it leaves is cleared away */
+            cn_columns_solve(c[most], sparse, held, 5, node, 0);
+            assert_memory_equal(c[most]->x, c[0]->x, 3 * (size_t)n * CN_COLUMNS * sizeof(double));
+        }
+        double *b = numbers(3 * n), *x = numbers(3 * n), *seen = numbers(n);
+        for (int p = 0; p < c[0]->nplace; p++)
+            seen[c[0]->node[c[0]->place[p]]] += 1;
+        for (int k = 0; k < 15; k++) {
+            memset(b, 0, 3 * (size_t)n * sizeof *b), memset(x, 0, 3 * (size_t)n * sizeof *x);
+            b[3 * node[k / 3] + k % 3] = 1;
+            assert_int_equal(cn_sparse_solve(sparse, held, b, x), CN_OK);
+            const double size = largest(x, 3 * n);
+            for (int q = 0; q < n; q++)
+                for (int r = 0; r < 3; r++)
+                    assert_true(fabs(c[0]->x[(3 * q + r) * CN_COLUMNS + k] - x[3 * c[0]->node[q] + r]) <=
+                                1e-12 * size);
+            for (int i = 0; i < n; i++)
+                assert_true(seen[i] == 1 || (seen[i] == 0 && x[3 * i] == 0));
+        }
+        for (int most = 0; most < 3; most++)
+            cn_columns_free(c[most]);
+        cn_sparse_free(sparse);
+        free(b), free(x), free(seen), free(held);
+        fixture_free(&s);
+    }
+    assert_true(super == 1 && simple == 1);
+}
+
 static void work_of_forces_on_it_is_positive(void **state)
 {
     (void)state;
@@ -186,6 +234,14 @@ static void what_cannot_be_is_refused(void **state)
     cn_compliance_apply(c, 2, good, f, y);
     assert_true(y[0] * f[0] > 0);
     assert_int_equal(cn_compliance_ensure(c, 0, NULL), CN_OK);
+    const int fixed[] = {2, 30}; /* a held vertex does not move, and is not solved for again */
+    assert_true(held[2]);
+    assert_int_equal(cn_compliance_ensure(c, 2, fixed), CN_OK);
+    cn_compliance_apply(c, 2, fixed, f, y);
+    assert_true(y[0] == 0 && y[1] == 0 && y[2] == 0 && cn_norm(y + 3) > 0);
+    const long solves = cn_compliance_count(c).solves;
+    assert_int_equal(cn_compliance_ensure(c, 2, fixed), CN_OK);
+    assert_int_equal(cn_compliance_count(c).solves, solves);
     cn_compliance_free(c);
     cn_error error = {0};
     assert_int_equal(cn_compliance_new(&c, s.matrix, held, 1000, &error), CN_ERR_ARG);
@@ -226,6 +282,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(touched_vertices_give_way_as_a_full_solve_says),
+        cmocka_unit_test(columns_are_those_of_full_solves_for_any_instruction_set),
         cmocka_unit_test(work_of_forces_on_it_is_positive),
         cmocka_unit_test(a_small_memory_makes_room_and_changes_no_bit),
         cmocka_unit_test(what_cannot_be_is_refused),

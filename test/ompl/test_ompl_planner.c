@@ -219,6 +219,66 @@ static void a_region_is_kept(void **state)
     case_free(&c);
 }
 
+/* Contact sampling brings the path to the wall, the medial axis keeps it away, uniform lies between. */
+static void sampling_by_contact_hugs_the_wall_and_by_the_medial_axis_keeps_off_it(void **state)
+{
+    plan_case c;
+    double axis[6] = {0, 0, 0, 0, 0, 0.1}, radius[2] = {0.01, 0.01}, mean[3];
+    const double ends[6] = {0, 0.008, 0.01, 0.0, 0.008, 0.09};
+    (void)state;
+    assert_int_equal(case_tube(&c, 1e-3, 2, axis, radius), 0);
+    for (int sampling = CN_SAMPLING_UNIFORM; sampling <= CN_SAMPLING_CONTACT; sampling++) {
+        cn_roadmap roadmap;
+        cn_error error = {0};
+        cn_path *path;
+        c.spec.sampling = (cn_sampling)sampling;
+        const cn_plan_query query = case_query(&c, 2, ends);
+        assert_int_equal(cn_plan_path(&path, &query, cn_ompl_planner, &roadmap, &error), CN_OK);
+        mean[sampling] = 0;
+        for (int i = 0; i < roadmap.nvertex; i++) {
+            const double d = cn_world_distance(c.world, roadmap.vertex + 3 * i, NULL, NULL, NULL);
+            mean[sampling] += d / roadmap.nvertex;
+            if (sampling == CN_SAMPLING_CONTACT && i >= 2) assert_true(d >= 1e-3 && d < 1.1e-3);
+        }
+        for (int i = 0; i < path->n && sampling == CN_SAMPLING_CONTACT; i++)
+            assert_true(path->clearance[i] < 2.1e-3); /* that of its ends is 2 mm */
+        cn_roadmap_clear(&roadmap);
+        cn_path_free(path);
+    }
+    assert_true(mean[CN_SAMPLING_MEDIAL_AXIS] > 1.2 * mean[CN_SAMPLING_UNIFORM]);
+    assert_true(mean[CN_SAMPLING_UNIFORM] > 2 * mean[CN_SAMPLING_CONTACT]);
+    case_free(&c);
+}
+
+/* The short way passes between two blocks that stand in each other's way, a sharp double bend; the long one
+ * runs straight beside them. */
+static void the_way_that_turns_too_much_is_left_for_a_gentler_one(void **state)
+{
+    plan_case c;
+    const double ends[6] = {0.005, 0.01, 0.005, 0.115, 0.01, 0.005};
+    double length[2], turn[2];
+    (void)state;
+    case_begin(&c, 0.7e-3);
+    c.vessel.shape.kind = CN_SHAPE_BOX;
+    memcpy(c.vessel.shape.box.max, (double[3]){0.12, 0.06, 0.01}, 3 * sizeof(double));
+    case_rock(&c, (double[3]){0.04, -0.001, -0.001}, (double[3]){0.058, 0.012, 0.011});
+    case_rock(&c, (double[3]){0.04, 0.016, -0.001}, (double[3]){0.058, 0.045, 0.011});
+    case_rock(&c, (double[3]){0.062, 0.005, -0.001}, (double[3]){0.08, 0.045, 0.011});
+    assert_int_equal(case_end(&c, 1), 0);
+    for (int i = 0; i < 2; i++) {
+        c.spec.max_turn = i ? 20 * 0.0174532925 : 3.1;
+        cn_plan_query query = case_query(&c, 2, ends);
+        query.device_diameter = 4e-3;
+        cn_path *path = plan(&query);
+        keeps_room(path, &c);
+        length[i] = cn_path_length(path), turn[i] = path->turn_max;
+        cn_path_free(path);
+    }
+    assert_true(turn[0] > 40 * 0.0174532925 && turn[1] <= 20 * 0.0174532925);
+    assert_true(length[1] > length[0]);
+    case_free(&c);
+}
+
 static void in_the_open_a_rock_is_gone_around(void **state)
 {
     plan_case c;
@@ -399,6 +459,8 @@ int main(void)
         cmocka_unit_test(the_same_seed_gives_the_same_path_bit_for_bit_on_any_thread_count),
         cmocka_unit_test(waypoints_are_passed_in_order),
         cmocka_unit_test(a_region_is_kept),
+        cmocka_unit_test(sampling_by_contact_hugs_the_wall_and_by_the_medial_axis_keeps_off_it),
+        cmocka_unit_test(the_way_that_turns_too_much_is_left_for_a_gentler_one),
         cmocka_unit_test(in_the_open_a_rock_is_gone_around),
         cmocka_unit_test(a_search_can_be_cancelled_and_the_budget_ends_it),
         cmocka_unit_test(the_octree_is_the_free_space),
