@@ -162,6 +162,7 @@ typedef struct cn_link {
 typedef struct cn_rub {
     cn_link link;
     bool stops; /* a motion took its sliding past nothing and back: it is to stick, or slide from there */
+    double scratch[4]; /* of who works over the pairs */
 } cn_rub;
 /* Barrier energy [J] at x; adds the force on the points to f (may be NULL) and its stiffness to the matrices
  * of hang (nsurface; NULL: none). Pairs with something that does not give way: the whole second derivative

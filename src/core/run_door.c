@@ -134,9 +134,10 @@ cn_status cn_run_supported(cn_run_data *run)
     if (scene->contact.friction > 0 && scene->solver.integrator != CN_INTEGRATOR_EULER)
         return unsupported(run, "contact.friction", "friction with another integrator than euler",
                            "use integrator: euler, or friction: 0");
-    if (scene->contact.response == CN_RESPONSE_ELASTIC && scene->contact.method == CN_CONTACT_STRICT)
-        return unsupported(run, "contact.response", "an elastic response in strict contact",
-                           "use method: project, or inelastic");
+    if (scene->contact.response == CN_RESPONSE_ELASTIC && scene->contact.method == CN_CONTACT_STRICT &&
+        scene->solver.integrator != CN_INTEGRATOR_EULER)
+        return unsupported(run, "contact.response", "an elastic response with another integrator than euler",
+                           "use integrator: euler, or response: inelastic");
     return CN_OK;
 }
 

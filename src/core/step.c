@@ -294,13 +294,18 @@ static double slip_of(const cn_work *work, double dt)
     return 1e-5 * (speed > 0 ? speed * dt : work->surfaces->gap * dt / model->dt);
 }
 
-/* Friction's: where everything is at the step's start. */
+static bool bounces(const cn_model *model)
+{
+    return model->scene->contact.response == CN_RESPONSE_ELASTIC;
+}
+
+/* For friction and restitution: where everything is at the step's start. */
 static void begin(const cn_group *g, double dt)
 {
     cn_work *work = g->work;
     work->slip = slip_of(work, dt);
     work->contact->nrub = 0;
-    if (!(work->slip > 0)) return;
+    if (!(work->slip > 0) && !bounces(work->model)) return;
     memcpy(work->begin, work->points, 3 * (size_t)work->surfaces->npoint * sizeof *work->begin); /* walls */
     cn_touch_points(g, CN_AT_STATE, work->begin);
 }
@@ -422,6 +427,8 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
              : model->integrator == CN_INTEGRATOR_TRBDF2 ? step_trbdf2(&g, state->time, dt, figures)
                                                          : step_euler(&g, state->time, figures);
     if (status != CN_OK) return status;
+    const bool gives_back = g.strict && bounces(model);
+    if (gives_back && (status = cn_stage_bounce(&g)) != CN_OK) return status;
 
     EACH_STAGE(&g, s)
     {
@@ -429,7 +436,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
         drive_figures(s, &figures[s - g.stage]);
         EACH_FREE(s, i)
         for (int k = 3 * i; k < 3 * i + 3; k++)
-            to->v[k] = (s->part->u[k] - s->part->lag[k]) / s->h;
+            to->v[k] = (s->part->u[k] - s->part->lag[k]) / s->h + (gives_back ? s->part->ahead[k] : 0);
         cn_body_turn(s->part->body->body, s->nactive, to->x, to->rotation);
         cn_sheath_release(s->part->body, to);
         cn_drive_progress(s->part->body, to, s->path);
@@ -455,7 +462,9 @@ static double last_stage(const cn_stage *s, const cn_body_state *to, double time
     cn_part *part = s->part;
     const int nnode = part->body->body->nnode;
     const cn_integrator integrator = part->model->integrator;
-    const bool moved = part->model->scene->contact.method == CN_CONTACT_PROJECT; /* nodes, after the solve */
+    /* nodes or velocities were changed after the solve */
+    const bool moved = part->model->scene->contact.method == CN_CONTACT_PROJECT ||
+                       (part->model->scene->contact.method == CN_CONTACT_STRICT && bounces(part->model));
     const double g = trbdf2_gamma, a = 1 / (g * (2 - g)), h = 0.5 * g * dt;
     memset(part->trial_u, 0, 3 * (size_t)part->body->body->nblock * sizeof(double));
     memcpy(part->trial, to->x, 3 * (size_t)part->body->body->nblock * sizeof(double));
@@ -463,7 +472,7 @@ static double last_stage(const cn_stage *s, const cn_body_state *to, double time
     {
         const double *v0 = s->from->v + 3 * i, *x0 = s->from->x + 3 * i, *v1 = to->v + 3 * i;
         double *x = part->trial + 3 * i, *v = part->trial_u + 3 * i, *acceleration = part->dx + 3 * i;
-        if (i >= nnode && integrator == CN_INTEGRATOR_TRBDF2)
+        if (i >= nnode && (integrator == CN_INTEGRATOR_TRBDF2 || moved))
             cn_spin_between(s->from->rotation + 4 * (i - nnode), to->rotation + 4 * (i - nnode), x);
         for (int k = 0; k < 3; k++)
             if (integrator == CN_INTEGRATOR_TRBDF2) {
@@ -541,13 +550,12 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
     if (g.strict) {
         place_walls(work, state->time + dt, state->time + dt);
         if (cn_touch_find(&g) == CN_OK) {
-            cn_touch_note_friction(&g);
+            if (work->slip > 0) cn_touch_note(&g, model->scene->contact.friction);
             cn_touch(&g, CN_AT_STATE, false, false);
         }
     }
     EACH_STAGE(&g, s)
     most = fmax(most, residual_of(s));
-    (void)model;
     return most;
 }
 

@@ -127,6 +127,13 @@ static double evaluate(const cn_group *g, cn_where at, int tangent)
     return energy;
 }
 
+void cn_stage_assemble(const cn_group *g)
+{
+    cn_group alone = *g;
+    alone.strict = false;
+    evaluate(&alone, CN_AT_STATE, CN_TANGENT_PROJECTED);
+}
+
 /* How far the residual is above what is asked, 1: just there; of the body for which it is farthest.
  * converged: what is asked is the tolerance, else the round-off alone. */
 static double excess(const cn_group *g, bool converged)
@@ -162,7 +169,7 @@ cn_status cn_stage_start(const cn_group *g, bool moved)
     else if (g->strict)
         status = cn_touch_allowed(g, true, &fraction);
     if (status != CN_OK) return status;
-    if (rubs) cn_touch_note_friction(g);
+    if (rubs) cn_touch_note(g, g->work->model->scene->contact.friction);
     if (!moved) return CN_OK;
     if (rubs) still = evaluate(g, CN_AT_STATE, -1);
     if (g->strict) cn_touch_walls_taken(g->work, fraction);
@@ -302,7 +309,7 @@ enum { FRICTION_LAGS = 8 };
 static bool rubs_otherwise(const cn_group *g, int *lag, int tangent, double *energy)
 {
     if (!g->strict || !(g->work->slip > 0) || ++*lag > FRICTION_LAGS) return false;
-    cn_touch_note_friction(g);
+    cn_touch_note(g, g->work->model->scene->contact.friction);
     *energy = evaluate(g, CN_AT_STATE, tangent);
     return excess(g, true) > 1;
 }

@@ -103,14 +103,21 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures);
  * the elements' size. */
 double cn_stage_floor(const cn_stage *s);
 
+/* Matrices of the bodies as they are, without contact. */
+void cn_stage_assemble(const cn_group *g);
+
+/* --- step_bounce.c --- */
+/* What restitution adds to velocities, into every part->ahead. */
+cn_status cn_stage_bounce(const cn_group *g);
+
 /* --- step_touch.c --- */
 typedef enum { CN_AT_STATE, CN_AT_TRIAL } cn_where; /* stage->x, or part->trial */
 /* Points of all surfaces into `points` (work's), of the bodies at that place. */
 void cn_touch_points(const cn_group *g, cn_where at, double *points);
 /* Contact's energy, its force into every part->touch; stiff: also the matrices (cleared before) and links. */
 double cn_touch(const cn_group *g, cn_where at, bool stiff, bool exact);
-/* Friction is from here on as pairs press now. */
-void cn_touch_note_friction(const cn_group *g);
+/* Notes where pairs press now; friction is like that from here on. */
+void cn_touch_note(const cn_group *g, double friction);
 /* The trial, a motion as long as it was to be, did not serve. */
 void cn_touch_overshot(const cn_group *g);
 /* Lists pairs around where things are; for a motion to come. */
@@ -128,6 +135,10 @@ bool cn_stage_keeps(const cn_group *g);
 cn_status cn_stage_factor(const cn_group *g);
 /* dx = - H^-1 g with the factors at hand and contact's links, and its slope g . dx. */
 cn_status cn_stage_solve(const cn_group *g, double *slope, cn_step_figures *figures);
+/* Motion of a surface's point when its body's blocks move by v; a force on a point, added to those on them.
+ */
+void cn_point_motion(const cn_part *part, int point, const double *v, double out[3]);
+void cn_point_force(const cn_part *part, int point, const double force[3], double *f);
 bool cn_stage_iterative(const cn_group *g); /* some solver is */
 
 /* out = M a of block i, without the factor that `leave_out.inertia` takes. */

@@ -108,8 +108,7 @@ static void note_links(const cn_group *g)
                 work->part[work->contact->link[l].surface[side]].linked = true;
 }
 
-/* Motion of a surface's point when its body's blocks move by v. */
-static void point_motion(const cn_part *part, int point, const double *v, double out[3])
+void cn_point_motion(const cn_part *part, int point, const double *v, double out[3])
 {
     const cn_carry *carry = part->carry;
     if (!carry) {
@@ -127,8 +126,7 @@ static void point_motion(const cn_part *part, int point, const double *v, double
     cn_axpy(1, v + 3 * (size_t)node, out);
 }
 
-/* Adds a force on a point to those on its blocks. */
-static void point_force(const cn_part *part, int point, const double force[3], double *f)
+void cn_point_force(const cn_part *part, int point, const double force[3], double *f)
 {
     const cn_carry *carry = part->carry;
     if (!carry) {
@@ -158,8 +156,8 @@ static void add_links(const cn_group *g)
             const int side = i >= link->nside, surface = link->surface[side];
             double d[3];
             if (surface >= work->npart) continue;
-            point_motion(&work->part[surface], link->p[i] - work->surfaces->surface[surface].first,
-                         work->part[surface].cg[P], d);
+            cn_point_motion(&work->part[surface], link->p[i] - work->surfaces->surface[surface].first,
+                            work->part[surface].cg[P], d);
             along[side] += link->w[i] * cn_dot(link->n, d);
         }
         for (int i = 0; i < 4; i++) {
@@ -168,8 +166,8 @@ static void add_links(const cn_group *g)
             if (surface >= work->npart) continue;
             cn_axpy(link->k * link->w[i] * (along[1 - side] + (link->own[side] ? 0 : along[side])), link->n,
                     f);
-            point_force(&work->part[surface], link->p[i] - work->surfaces->surface[surface].first, f,
-                        work->part[surface].cg[Q]);
+            cn_point_force(&work->part[surface], link->p[i] - work->surfaces->surface[surface].first, f,
+                           work->part[surface].cg[Q]);
         }
     }
 }

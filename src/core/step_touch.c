@@ -65,13 +65,11 @@ double cn_touch(const cn_group *g, cn_where at, bool stiff, bool exact)
     return energy;
 }
 
-void cn_touch_note_friction(const cn_group *g)
+void cn_touch_note(const cn_group *g, double friction)
 {
     cn_work *work = g->work;
-    if (!(work->slip > 0)) return;
     cn_touch_points(g, CN_AT_STATE, work->points);
-    cn_contact_note_friction(work->surfaces, work->contact, work->points,
-                             work->model->scene->contact.friction, work->pool);
+    cn_contact_note_friction(work->surfaces, work->contact, work->points, friction, work->pool);
 }
 
 void cn_touch_overshot(const cn_group *g)
