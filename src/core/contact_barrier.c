@@ -79,14 +79,16 @@ static bool passed_over(const cn_contact_model *model, const cn_pair *pair, cons
         for (int k = 0; k < 3; k++)
             if (at->bary[k] > 0) bit = 1 << k;
     if (zero == 0 || !(wall->flat[pair->triangle] & bit)) return false;
-    double e1[3], e2[3], from[3], normal[3];
+    double e1[3], e2[3], across[3], normal[3]; /* across: from the nearest point, less what is along normal */
     const double *corner = x + 3 * (size_t)pair->p[1];
     cn_sub(x + 3 * (size_t)pair->p[2], corner, e1), cn_sub(x + 3 * (size_t)pair->p[3], corner, e2);
     cn_cross(e1, e2, normal);
     cn_normalise(normal);
-    cn_sub(x + 3 * (size_t)pair->p[0], corner, from);
-    const double height = fabs(cn_dot(normal, from));
-    return at->distance > height * (1 + 1e-9) || !(wall->above[pair->triangle] & bit);
+    cn_sub(x + 3 * (size_t)pair->p[0], corner, across);
+    cn_axpy(-at->bary[1], e1, across), cn_axpy(-at->bary[2], e2, across);
+    cn_axpy(-cn_dot(across, normal), normal, across);
+    const double rounding = 1e-12 * (cn_norm(e1) + cn_norm(e2));
+    return cn_norm(across) > rounding || !(wall->above[pair->triangle] & bit);
 }
 
 /* Second derivative of d^2/2 by points k and l: the nearest points slide so that it stays least, hence
