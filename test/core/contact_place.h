@@ -32,7 +32,7 @@ double *place_points(place *p, int surface);
 void place_shift(place *p, int surface, double dx, double dy, double dz);
 void place_turn(place *p, int surface, const double r[9]); /* about the origin */
 void place_find(place *p, const double *dx, double reach); /* with room for all pairs */
-double place_add(place *p, double *f); /* energy and force */
+double place_add(place *p, double *f);                     /* energy and force */
 cn_findings place_check(place *p);
 /* The force at all points of bodies against differences of the energy by h. */
 void place_gradient_is_right(place *p, double h, double tolerance);
