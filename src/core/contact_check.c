@@ -47,6 +47,22 @@ static void count_outside(const check *s, int begin, int end, const double *x)
     }
 }
 
+/* Of a body wholly inside another no triangles cross: its first point tells. */
+static void count_swallowed(const cn_contact_model *model, const cn_contact *contact, const int *nfree,
+                            const double *x, cn_findings *f)
+{
+    for (int s = 0; s < model->nsurface; s++)
+        for (int t = 0; t < model->nsurface; t++) {
+            const cn_contact_surface *surface = &model->surface[s];
+            const double *p = x + 3 * (size_t)surface->first;
+            if (s == t || !surface->body || nfree[s] == 0 || nfree[t] < model->surface[t].npoint) continue;
+            const double depth = cn_contact_depth_in(model, contact, t, p);
+            if (!(depth > 0)) continue;
+            if (!f->outside++ && !f->intersections) cn_copy3(p, f->where);
+            f->depth = fmax(f->depth, depth);
+        }
+}
+
 static int share(int n, int part, int parts)
 {
     return (int)((long)n * part / parts);
@@ -93,5 +109,6 @@ cn_status cn_contact_check(const cn_contact_model *model, cn_contact *contact, c
         findings->intersections += f->intersections, findings->outside += f->outside;
         findings->depth = fmax(findings->depth, f->depth);
     }
+    count_swallowed(model, contact, nfree, x, findings);
     return CN_OK;
 }

@@ -29,19 +29,17 @@ void cn_contact_visit(const cn_contact_model *model, const cn_contact *contact, 
                       double wall_margin, double margin, cn_triangle_visit visit, void *user)
 {
     const cn_contact_part *part = &contact->part[p];
-    const cn_contact_surface *own = &model->surface[part->surface];
     walk w = {.a = {part->surface, part->first}, .visit = visit, .user = user};
     if (!takes_part(model, part, nfree)) return;
-    for (int s = 0; own->body && s < model->nsurface; s++) {
-        if (!cn_contact_rests(&model->surface[s])) continue;
+    for (int s = 0; s < model->nsurface; s++) {
+        if (!cn_contact_rests(&model->surface[s]) || !cn_contact_meet(model, part->surface, s)) continue;
         const cn_tree *tree = model->world->wall[model->surface[s].wall].tree;
         w.b = (cn_place){s, 0};
         if (!cn_tree_query_pairs(part->tree, tree, wall_margin, next_pair, &w)) return;
     }
     for (int q = p; q < contact->npart; q++) {
         const cn_contact_part *other = &contact->part[q];
-        const bool same = other->surface == part->surface;
-        if (same ? !own->self : !own->body && !model->surface[other->surface].body) continue;
+        if (!cn_contact_meet(model, part->surface, other->surface)) continue;
         if (!takes_part(model, other, nfree)) continue;
         w.b = (cn_place){other->surface, other->first};
         if (!(q == p ? cn_tree_query_self(part->tree, margin, next_pair, &w)
@@ -269,9 +267,11 @@ static double margin_of(const search *s, int a, int b)
 static bool add_triangle_pair(void *user, cn_place place_a, cn_place place_b)
 {
     search *s = user;
-    side a = side_of(s, place_a), b = side_of(s, place_b);
+    const double *plane = s->model->surface[place_b.surface].plane;
+    side a = side_of(s, place_a), b;
     s->margin = margin_of(s, place_a.surface, place_b.surface);
-    if (b.surface->plane && beside_plane(s, a.p, b.surface->plane + 4 * place_b.triangle)) return true;
+    if (plane && beside_plane(s, a.p, plane + 4 * (size_t)place_b.triangle)) return true;
+    b = side_of(s, place_b);
     if (a.whole) box_of(s, place_a.surface, 3, a.p, 0, a.min, a.max);
     if (b.whole) box_of(s, place_b.surface, 3, b.p, 0, b.min, b.max);
     if (!add_nodes(s, &a, &b) || !add_nodes(s, &b, &a)) return false;
@@ -318,13 +318,15 @@ static void find_inner(search *s, int p)
         if (surface->inner[j] >= s->nfree[own]) continue;
         for (int w = 0; w < s->model->nsurface; w++) {
             const cn_contact_surface *wall = &s->model->surface[w];
-            if (cn_contact_rests(wall) && !add_inner(s, own, i, w, s->model->world->wall[wall->wall].tree, 0,
-                                                     wall->ntri, s->gap + s->reach))
+            if (cn_contact_rests(wall) && cn_contact_meet(s->model, own, w) &&
+                !add_inner(s, own, i, w, s->model->world->wall[wall->wall].tree, 0, wall->ntri,
+                           s->gap + s->reach))
                 return;
         }
         for (int q = 0; q < s->contact->npart; q++) {
             const cn_contact_part *other = &s->contact->part[q];
-            if (other->surface != own && takes_part(s->model, other, s->nfree) &&
+            if (other->surface != own && cn_contact_meet(s->model, own, other->surface) &&
+                takes_part(s->model, other, s->nfree) &&
                 !add_inner(s, own, i, other->surface, other->tree, other->first, other->ntri,
                            0.5 * s->gap + s->reach))
                 return;

@@ -557,6 +557,22 @@ static void two_bodies_that_cross_are_moved_apart_and_keep_their_momentum(void *
     }
 }
 
+static void a_body_inside_another_is_seen_though_nothing_crosses(void **state)
+{
+    (void)state;
+    cn_tets *mesh[2] = {shape_box(2, 2, 2, 0.1), shape_box(1, 1, 1, 0.02)};
+    place p;
+    place_make(&p, 2, mesh, 0.5, GAP, false);
+    place_shift(&p, 1, 0.06, 0.07, 0.08);
+    const cn_findings found = place_check(&p);
+    assert_int_equal(found.intersections, 0);
+    assert_true(found.outside == 1 && fabs(found.depth - 0.06) < 1e-12 && found.where[2] == 0.08);
+    place_shift(&p, 1, 0.2, 0, 0);
+    assert_int_equal(place_check(&p).outside, 0);
+    place_free(&p);
+    cn_tets_free(mesh[0]), cn_tets_free(mesh[1]);
+}
+
 static void what_lacks_a_gap_or_a_stiffness_is_refused(void **state)
 {
     (void)state;
@@ -632,6 +648,7 @@ int main(void)
         cmocka_unit_test(the_same_pairs_for_any_number_of_threads),
         cmocka_unit_test(what_is_in_the_sheath_meets_nothing),
         cmocka_unit_test(two_bodies_that_cross_are_moved_apart_and_keep_their_momentum),
+        cmocka_unit_test(a_body_inside_another_is_seen_though_nothing_crosses),
         cmocka_unit_test(what_lacks_a_gap_or_a_stiffness_is_refused),
         cmocka_unit_test(every_allocation_that_fails_is_told_and_leaves_nothing_behind),
     };
