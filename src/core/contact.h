@@ -63,7 +63,8 @@ typedef struct {
     bool self;
     double gap, kappa;
 } cn_contact_body;
-/* Surfaces: the bodies in their order, then the world's rigid walls. moving (nwall, NULL: none): walls that
+/* Surfaces: the bodies in their order, then the world's rigid walls. What does not give way is not tested
+ * against its like, nor vessels against vessels: their union is free. moving (nwall, NULL: none): walls that
  * go along a path. CN_ERR_ARG: two that may meet have no finite gap or stiffness between them; a wall that is
  * not there, stood for twice, or stood for and moving. */
 cn_status cn_contact_model_new(cn_contact_model **out, const cn_world *world, int nbody,
@@ -187,8 +188,8 @@ void cn_contact_friction_overshot(cn_contact *contact, const double *x, const do
  * apart all along: conservative. The motion must stay within the reach. */
 double cn_contact_motion(const cn_contact_model *model, cn_contact *contact, const double *x,
                          const double *dx, double keep, cn_pool *pool);
-/* Least distance of the listed pairs as last evaluated [m], INFINITY without pairs. surface >= 0: of its
- * pairs alone. */
+/* Least distance of the listed pairs as last evaluated [m], INFINITY without pairs; of a surface with itself
+ * where it is nearer than the gap. surface >= 0: of its pairs alone. */
 double cn_contact_least(const cn_contact *contact, int surface);
 /* True where a listed pair is nearer than its gap. */
 bool cn_contact_touches(const cn_contact *contact);
@@ -199,7 +200,7 @@ double cn_contact_patch_force(const cn_contact_model *model, cn_contact *contact
 
 /* axis (naxis x 3): further points to be inside the free space. nfree as above; x (npoint x 3). Counts
  * crossings of all surfaces that move with each other, with walls and with themselves; points of bodies and
- * the axis outside the free space. Uses and refits the contact's trees. */
+ * the axis outside the free space, and bodies inside others. Uses and refits the contact's trees. */
 cn_status cn_contact_check(const cn_contact_model *model, cn_contact *contact, const int *nfree,
                            const double *x, int naxis, const double *axis, cn_findings *findings,
                            cn_pool *pool);

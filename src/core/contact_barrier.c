@@ -65,28 +65,37 @@ static void nearest_of(const cn_pair *pair, const double *x, nearest *out)
 
 /* True where the neighbours across a flat edge or corner of a wall answer for this pair: the node lies over
  * one of them, or right above the edge and another triangle counts for it. So a flat wall pushes along its
- * normal however it is cut into triangles. */
+ * normal however it is cut into triangles. Right above: within a band that is far wider than rounding and the
+ * same on both sides of the edge. */
 static bool passed_over(const cn_contact_model *model, const cn_pair *pair, const double *x,
                         const nearest *at)
 {
     if (pair->kind != CN_PAIR_NODE_TRIANGLE) return false;
     const cn_collider *wall = model->surface[pair->surface[1]].collider;
-    int zero = 0, bit = 0;
-    if (!wall->flat) return false;
+    if (!wall->flat || !wall->flat[pair->triangle]) return false;
+    double q[3][3], e[3][3], normal[3], across[3]; /* edge k is opposite to corner k */
+    int count = 0, bit = 0, corner = 0;
+    cn_corners(pair->p + 1, x, q);
     for (int k = 0; k < 3; k++)
-        if (!(at->bary[k] > 0)) zero++, bit = 8 << (k + 1) % 3;
-    if (zero == 2)
-        for (int k = 0; k < 3; k++)
-            if (at->bary[k] > 0) bit = 1 << k;
-    if (zero == 0 || !(wall->flat[pair->triangle] & bit)) return false;
-    double e1[3], e2[3], from[3], normal[3];
-    const double *corner = x + 3 * (size_t)pair->p[1];
-    cn_sub(x + 3 * (size_t)pair->p[2], corner, e1), cn_sub(x + 3 * (size_t)pair->p[3], corner, e2);
-    cn_cross(e1, e2, normal);
-    cn_normalise(normal);
-    cn_sub(x + 3 * (size_t)pair->p[0], corner, from);
-    const double height = fabs(cn_dot(normal, from));
-    return at->distance > height * (1 + 1e-9) || !(wall->above[pair->triangle] & bit);
+        cn_sub(q[(k + 2) % 3], q[(k + 1) % 3], e[k]);
+    cn_cross(e[2], e[0], normal);
+    const double area = cn_normalise(normal), band = 1e-12;
+    double length = 0;
+    for (int k = 0; k < 3; k++) {
+        const double square = cn_norm2(e[k]);
+        if (at->bary[k] * area > band * square) {
+            corner = 1 << k;
+            continue;
+        }
+        count++, bit = 8 << (k + 1) % 3, length = fmax(length, sqrt(square));
+    }
+    if (count == 2) bit = corner;
+    if (count == 0 || !(wall->flat[pair->triangle] & bit)) return false;
+    /* from the nearest point to the node, less what is along the normal */
+    cn_sub(x + 3 * (size_t)pair->p[0], q[0], across);
+    cn_axpy(-at->bary[1], e[2], across), cn_axpy(at->bary[2], e[1], across);
+    cn_axpy(-cn_dot(across, normal), normal, across);
+    return cn_norm(across) > band * length || !(wall->above[pair->triangle] & bit);
 }
 
 /* Second derivative of d^2/2 by points k and l: the nearest points slide so that it stays least, hence

@@ -16,6 +16,34 @@ typedef struct {
     cn_findings *found; /* of the task */
 } check;
 
+/* True where one of the axes square to a plane or, in it, to an edge parts the triangles by far more than
+ * rounding: what lies in one plane costs the exact test most. */
+static bool clearly_apart(const double a[3][3], const double b[3][3])
+{
+    double axis[4][3], e[3], size = 0;
+    for (int k = 0; k < 9; k++) {
+        size = fmax(size, fabs(a[k / 3][k % 3] - a[0][k % 3]));
+        size = fmax(size, fabs(b[k / 3][k % 3] - a[0][k % 3]));
+    }
+    cn_sub(a[1], a[0], axis[1]), cn_sub(a[2], a[0], e);
+    cn_cross(axis[1], e, axis[0]);
+    for (int k = 0; k < 3; k++) {
+        cn_sub(a[(k + 1) % 3], a[k], e);
+        cn_cross(axis[0], e, axis[1 + k]);
+    }
+    for (int i = 0; i < 4; i++) {
+        double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+        for (int k = 0; k < 6; k++) {
+            cn_sub(k < 3 ? a[k] : b[k - 3], a[0], e);
+            const double h = cn_dot(axis[i], e);
+            low[k / 3] = fmin(low[k / 3], h), high[k / 3] = fmax(high[k / 3], h);
+        }
+        const double gap = fmax(low[1] - high[0], low[0] - high[1]);
+        if (gap > 1e-12 * size * cn_norm(axis[i])) return true;
+    }
+    return false;
+}
+
 static bool count_crossing(void *user, cn_place a, cn_place b)
 {
     check *s = user;
@@ -25,7 +53,9 @@ static bool count_crossing(void *user, cn_place a, cn_place b)
     if (!cn_triangle_points(&s->model->surface[b.surface], s->nfree[b.surface], b.triangle, q)) return true;
     if (a.surface == b.surface && cn_share_a_point(p, q)) return true;
     cn_corners(p, s->x, ta), cn_corners(q, s->x, tb);
-    if (cn_tri_tri((const double(*)[3])ta, (const double(*)[3])tb) == CN_TRI_APART) return true;
+    const double(*const ca)[3] = (const double(*)[3])ta, (*const cb)[3] = (const double(*)[3])tb;
+    if (clearly_apart(ca, cb) || clearly_apart(cb, ca)) return true;
+    if (cn_tri_tri(ca, cb) == CN_TRI_APART) return true;
     cn_findings *f = s->found;
     if (!f->intersections++) {
         f->surface[0] = a.surface, f->surface[1] = b.surface;
@@ -45,6 +75,22 @@ static void count_outside(const check *s, int begin, int end, const double *x)
         if (!f->outside++ && !f->intersections) cn_copy3(p, f->where);
         f->depth = depth > f->depth ? depth : f->depth;
     }
+}
+
+/* Of a body wholly inside another no triangles cross: its first point tells. */
+static void count_swallowed(const cn_contact_model *model, const cn_contact *contact, const int *nfree,
+                            const double *x, cn_findings *f)
+{
+    for (int s = 0; s < model->nsurface; s++)
+        for (int t = 0; t < model->nsurface; t++) {
+            const cn_contact_surface *surface = &model->surface[s];
+            const double *p = x + 3 * (size_t)surface->first;
+            if (s == t || !surface->body || nfree[s] == 0 || nfree[t] < model->surface[t].npoint) continue;
+            const double depth = cn_contact_depth_in(model, contact, t, p);
+            if (!(depth > 0)) continue;
+            if (!f->outside++ && !f->intersections) cn_copy3(p, f->where);
+            f->depth = fmax(f->depth, depth);
+        }
 }
 
 static int share(int n, int part, int parts)
@@ -93,5 +139,6 @@ cn_status cn_contact_check(const cn_contact_model *model, cn_contact *contact, c
         findings->intersections += f->intersections, findings->outside += f->outside;
         findings->depth = fmax(findings->depth, f->depth);
     }
+    count_swallowed(model, contact, nfree, x, findings);
     return CN_OK;
 }

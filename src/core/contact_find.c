@@ -29,19 +29,17 @@ void cn_contact_visit(const cn_contact_model *model, const cn_contact *contact, 
                       double wall_margin, double margin, cn_triangle_visit visit, void *user)
 {
     const cn_contact_part *part = &contact->part[p];
-    const cn_contact_surface *own = &model->surface[part->surface];
     walk w = {.a = {part->surface, part->first}, .visit = visit, .user = user};
     if (!takes_part(model, part, nfree)) return;
-    for (int s = 0; own->body && s < model->nsurface; s++) {
-        if (!cn_contact_rests(&model->surface[s])) continue;
+    for (int s = 0; s < model->nsurface; s++) {
+        if (!cn_contact_rests(&model->surface[s]) || !cn_contact_meet(model, part->surface, s)) continue;
         const cn_tree *tree = model->world->wall[model->surface[s].wall].tree;
         w.b = (cn_place){s, 0};
         if (!cn_tree_query_pairs(part->tree, tree, wall_margin, next_pair, &w)) return;
     }
     for (int q = p; q < contact->npart; q++) {
         const cn_contact_part *other = &contact->part[q];
-        const bool same = other->surface == part->surface;
-        if (same ? !own->self : !own->body && !model->surface[other->surface].body) continue;
+        if (!cn_contact_meet(model, part->surface, other->surface)) continue;
         if (!takes_part(model, other, nfree)) continue;
         w.b = (cn_place){other->surface, other->first};
         if (!(q == p ? cn_tree_query_self(part->tree, margin, next_pair, &w)
@@ -89,33 +87,36 @@ typedef struct {
     double margin; /* of the two surfaces at hand: their points are each within reach */
 } search;
 
-static void grow_box(const double *p, double min[3], double max[3])
-{
-    for (int k = 0; k < 3; k++)
-        min[k] = p[k] < min[k] ? p[k] : min[k], max[k] = p[k] > max[k] ? p[k] : max[k];
-}
+typedef struct {
+    double min[3], max[3];
+} box;
 
-/* Box of points over their motion, inflated by margin. */
-static void box_of(const search *s, int surface, int n, const int *p, double margin, double min[3],
-                   double max[3])
+static void join(box *b, const box *other)
 {
-    const bool moves = s->dx && !cn_contact_rests(&s->model->surface[surface]);
-    cn_copy3(s->x + 3 * p[0], min), cn_copy3(min, max);
-    for (int i = 0; i < n; i++) {
-        double end[3];
-        grow_box(s->x + 3 * p[i], min, max);
-        if (!moves) continue;
-        cn_add(s->x + 3 * p[i], s->dx + 3 * p[i], end);
-        grow_box(end, min, max);
+    for (int k = 0; k < 3; k++) {
+        b->min[k] = other->min[k] < b->min[k] ? other->min[k] : b->min[k];
+        b->max[k] = other->max[k] > b->max[k] ? other->max[k] : b->max[k];
     }
-    for (int k = 0; k < 3; k++)
-        min[k] -= margin, max[k] += margin;
 }
 
-static bool boxes_meet(const double amin[3], const double amax[3], const double bmin[3], const double bmax[3])
+/* Of a point over its motion. */
+static box box_of(const search *s, bool moves, int p)
 {
-    return amin[0] <= bmax[0] && bmin[0] <= amax[0] && amin[1] <= bmax[1] && bmin[1] <= amax[1] &&
-           amin[2] <= bmax[2] && bmin[2] <= amax[2];
+    const double *x = s->x + 3 * (size_t)p, *dx = s->dx + 3 * (size_t)p;
+    box b;
+    for (int k = 0; k < 3; k++) {
+        const double end = moves ? x[k] + dx[k] : x[k];
+        b.min[k] = x[k] < end ? x[k] : end, b.max[k] = x[k] > end ? x[k] : end;
+    }
+    return b;
+}
+
+/* True where boxes come nearer than margin along each axis. */
+static bool boxes_meet(const box *a, const box *b, double margin)
+{
+    return a->min[0] - margin <= b->max[0] && b->min[0] <= a->max[0] + margin &&
+           a->min[1] - margin <= b->max[1] && b->min[1] <= a->max[1] + margin &&
+           a->min[2] - margin <= b->max[2] && b->min[2] <= a->max[2] + margin;
 }
 
 static double distance_of(const cn_pair *pair, const double q[4][3])
@@ -171,26 +172,13 @@ static bool add_pair(search *s, cn_pair *pair)
     return true;
 }
 
-/* True when the triangle stays on one side of the wall triangle's plane, farther than the margin, all the
- * way. */
-static bool beside_plane(const search *s, const int *p, const double *plane)
-{
-    double low = INFINITY, high = -INFINITY;
-    for (int k = 0; k < 3; k++) {
-        const double h = cn_dot(plane, s->x + 3 * p[k]) - plane[3];
-        const double end = s->dx ? h + cn_dot(plane, s->dx + 3 * p[k]) : h;
-        low = fmin(low, fmin(h, end)), high = fmax(high, fmax(h, end));
-    }
-    return low > s->margin || high < -s->margin;
-}
-
 /* One of two triangles that may come near. */
 typedef struct {
     cn_place place;
     const cn_contact_surface *surface;
     int p[3], owns;
-    bool whole; /* no corner in the sheath */
-    double min[3], max[3];
+    bool whole, moves;  /* no corner in the sheath; it moves in this search */
+    box corner[3], all; /* over the motion; edge k joins corners k and k + 1 */
 } side;
 
 static side side_of(const search *s, cn_place place)
@@ -198,33 +186,75 @@ static side side_of(const search *s, cn_place place)
     side out = {.place = place, .surface = &s->model->surface[place.surface]};
     out.owns = out.surface->collider->owns[place.triangle];
     out.whole = cn_triangle_points(out.surface, s->nfree[place.surface], place.triangle, out.p);
+    out.moves = s->dx && !cn_contact_rests(out.surface);
     return out;
+}
+
+static void add_boxes(const search *s, side *a)
+{
+    for (int k = 0; k < 3; k++)
+        a->corner[k] = box_of(s, a->moves, a->p[k]);
+    a->all = a->corner[0];
+    join(&a->all, &a->corner[1]), join(&a->all, &a->corner[2]);
+}
+
+/* What a triangle spans along n over its motion. */
+static void span(const search *s, const side *a, const double n[3], double *low, double *high)
+{
+    *low = INFINITY, *high = -INFINITY;
+    for (int k = 0; k < 3; k++) {
+        const double h = cn_dot(n, s->x + 3 * (size_t)a->p[k]);
+        const double end = a->moves ? h + cn_dot(n, s->dx + 3 * (size_t)a->p[k]) : h;
+        const double least = h < end ? h : end, most = h > end ? h : end;
+        *low = least < *low ? least : *low, *high = most > *high ? most : *high;
+    }
+}
+
+/* True when triangle a stays on one side of the plane in which the other lies at first, farther than the
+ * margin all the way. */
+static bool beside_plane(const search *s, const side *a, const side *b)
+{
+    double low, high, below, above, n[3], e[2][3];
+    if (b->surface->plane) { /* known */
+        const double *plane = b->surface->plane + 4 * (size_t)b->place.triangle;
+        cn_copy3(plane, n);
+        below = above = plane[3];
+    } else {
+        const double *corner = s->x + 3 * (size_t)b->p[0];
+        cn_sub(s->x + 3 * (size_t)b->p[1], corner, e[0]), cn_sub(s->x + 3 * (size_t)b->p[2], corner, e[1]);
+        cn_cross(e[0], e[1], n);
+        if (!(cn_normalise(n) > 0)) return false;
+        span(s, b, n, &below, &above);
+    }
+    span(s, a, n, &low, &high);
+    return low - above > s->margin || below - high > s->margin;
 }
 
 static bool add_nodes(search *s, const side *a, const side *b)
 {
     const int nfree = a->surface->first + cn_contact_nfree(a->surface, s->nfree[a->place.surface]);
-    if (!b->whole) return true;
-    for (int k = 0; k < 3; k++) {
-        double min[3], max[3];
+    for (int k = 0; k < 3 && b->whole; k++) {
         const int p = a->p[k];
         if (!(a->owns >> k & 1) || p >= nfree || p == b->p[0] || p == b->p[1] || p == b->p[2]) continue;
-        box_of(s, a->place.surface, 1, &p, s->margin, min, max);
+        if (!boxes_meet(&a->corner[k], &b->all, s->margin)) continue;
         cn_pair pair = {.kind = CN_PAIR_NODE_TRIANGLE,
                         .surface = {a->place.surface, b->place.surface},
                         .triangle = b->place.triangle,
                         .p = {p, b->p[0], b->p[1], b->p[2]}};
-        if (boxes_meet(min, max, b->min, b->max) && !add_pair(s, &pair)) return false;
+        if (!add_pair(s, &pair)) return false;
     }
     return true;
 }
 
-/* Edge k of the triangle: its points. */
-static void edge_of(const side *a, int k, int p[2])
+/* Edge k of the triangle: its points in the collider's order, and its box. */
+static box edge_of(const side *a, int k, int p[2])
 {
     const cn_collider *c = a->surface->collider;
+    box b = a->corner[k];
+    join(&b, &a->corner[(k + 1) % 3]);
     for (int i = 0; i < 2; i++)
         p[i] = a->surface->first + c->edge[2 * c->tri_edge[3 * a->place.triangle + k] + i];
+    return b;
 }
 
 static double rest_square(const cn_contact_surface *surface, const int p[2])
@@ -237,17 +267,15 @@ static double rest_square(const cn_contact_surface *surface, const int p[2])
 static bool add_edges(search *s, const side *a, const side *b)
 {
     for (int k = 0; k < 3; k++) {
-        double amin[3], amax[3], bmin[3], bmax[3];
         int p[2], q[2];
         if (!(a->owns >> (3 + k) & 1)) continue;
-        edge_of(a, k, p);
-        box_of(s, a->place.surface, 2, p, s->margin, amin, amax);
+        const box here = edge_of(a, k, p);
+        if (!boxes_meet(&here, &b->all, s->margin)) continue;
         for (int l = 0; l < 3; l++) {
             if (!(b->owns >> (3 + l) & 1)) continue;
-            edge_of(b, l, q);
+            const box there = edge_of(b, l, q);
             if (p[0] == q[0] || p[0] == q[1] || p[1] == q[0] || p[1] == q[1]) continue;
-            box_of(s, b->place.surface, 2, q, 0, bmin, bmax);
-            if (!boxes_meet(amin, amax, bmin, bmax)) continue;
+            if (!boxes_meet(&here, &there, s->margin)) continue;
             cn_pair pair = {.kind = CN_PAIR_EDGES,
                             .surface = {a->place.surface, b->place.surface},
                             .triangle = -1,
@@ -271,9 +299,9 @@ static bool add_triangle_pair(void *user, cn_place place_a, cn_place place_b)
     search *s = user;
     side a = side_of(s, place_a), b = side_of(s, place_b);
     s->margin = margin_of(s, place_a.surface, place_b.surface);
-    if (b.surface->plane && beside_plane(s, a.p, b.surface->plane + 4 * place_b.triangle)) return true;
-    if (a.whole) box_of(s, place_a.surface, 3, a.p, 0, a.min, a.max);
-    if (b.whole) box_of(s, place_b.surface, 3, b.p, 0, b.min, b.max);
+    if (beside_plane(s, &a, &b) || beside_plane(s, &b, &a)) return true;
+    add_boxes(s, &a), add_boxes(s, &b);
+    if (!boxes_meet(&a.all, &b.all, s->margin)) return true;
     if (!add_nodes(s, &a, &b) || !add_nodes(s, &b, &a)) return false;
     return !a.whole || !b.whole || add_edges(s, &a, &b);
 }
@@ -287,9 +315,10 @@ static bool add_inner(search *s, int own, int i, int surface, const cn_tree *tre
 {
     enum { NEAR = 256 };
     int near[NEAR], p[3];
-    double min[3], max[3];
-    box_of(s, own, 1, &i, grow, min, max);
-    const int found = cn_tree_query_box(tree, min, max, NEAR, near);
+    box b = box_of(s, s->dx, i);
+    for (int k = 0; k < 3; k++)
+        b.min[k] -= grow, b.max[k] += grow;
+    const int found = cn_tree_query_box(tree, b.min, b.max, NEAR, near);
     s->margin = margin_of(s, own, surface);
     for (int k = 0; k < (found <= NEAR ? found : ntri); k++) {
         const int t = first + (found <= NEAR ? near[k] : k); /* too many for the list: all are looked at */
@@ -318,13 +347,15 @@ static void find_inner(search *s, int p)
         if (surface->inner[j] >= s->nfree[own]) continue;
         for (int w = 0; w < s->model->nsurface; w++) {
             const cn_contact_surface *wall = &s->model->surface[w];
-            if (cn_contact_rests(wall) && !add_inner(s, own, i, w, s->model->world->wall[wall->wall].tree, 0,
-                                                     wall->ntri, s->gap + s->reach))
+            if (cn_contact_rests(wall) && cn_contact_meet(s->model, own, w) &&
+                !add_inner(s, own, i, w, s->model->world->wall[wall->wall].tree, 0, wall->ntri,
+                           s->gap + s->reach))
                 return;
         }
         for (int q = 0; q < s->contact->npart; q++) {
             const cn_contact_part *other = &s->contact->part[q];
-            if (other->surface != own && takes_part(s->model, other, s->nfree) &&
+            if (other->surface != own && cn_contact_meet(s->model, own, other->surface) &&
+                takes_part(s->model, other, s->nfree) &&
                 !add_inner(s, own, i, other->surface, other->tree, other->first, other->ntri,
                            0.5 * s->gap + s->reach))
                 return;

@@ -107,26 +107,30 @@ static cn_status wall_surface(cn_contact_surface *out, const cn_world *world, in
                            : status;
 }
 
-/* Every two surfaces that may meet have a gap and a stiffness; a wall is stood for once, and then rigid no
- * more. */
+/* A wall is stood for once, and then rigid no more. */
 static bool in_order(const cn_world *world, int nbody, const cn_contact_body *body,
                      const unsigned char *moving)
 {
-    int rigid = world->nwall;
-    for (int b = 0; b < nbody; b++)
-        rigid -= body[b].wall >= 0;
     for (int b = 0; b < nbody; b++) {
-        const bool needed = body[b].self || rigid > 0;
+        const int wall = body[b].wall;
         if (!(body[b].gap > 0 && body[b].kappa > 0)) return false;
-        if (needed && !(body[b].gap < INFINITY && body[b].kappa < INFINITY)) return false;
-        if (!(body[b].wall >= -1 && body[b].wall < world->nwall)) return false;
-        if (body[b].wall >= 0 && moving && moving[body[b].wall]) return false;
-        for (int c = 0; c < b; c++) {
-            if (body[b].wall >= 0 && body[b].wall == body[c].wall) return false;
-            if (!(fmin(body[b].gap, body[c].gap) < INFINITY)) return false;
-            if (!(fmin(body[b].kappa, body[c].kappa) < INFINITY)) return false;
-        }
+        if (!(wall >= -1 && wall < world->nwall)) return false;
+        if (wall >= 0 && moving && moving[wall]) return false;
+        for (int c = 0; c < b && wall >= 0; c++)
+            if (wall == body[c].wall) return false;
     }
+    return true;
+}
+
+/* Every two surfaces that may meet have a gap and a stiffness. */
+static bool all_barriers(const cn_contact_model *model)
+{
+    for (int s = 0; s < model->nsurface; s++)
+        for (int t = 0; t <= s; t++) {
+            const cn_contact_surface *a = &model->surface[s], *b = &model->surface[t];
+            if (!cn_contact_meet(model, s, t)) continue;
+            if (!(fmin(a->gap, b->gap) < INFINITY && fmin(a->kappa, b->kappa) < INFINITY)) return false;
+        }
     return true;
 }
 
@@ -157,6 +161,7 @@ cn_status cn_contact_model_new(cn_contact_model **out, const cn_world *world, in
             const double gap = fmin(model->surface[a].gap, model->surface[b].gap);
             if ((a != b || model->surface[a].self) && gap < INFINITY) model->gap = fmax(model->gap, gap);
         }
+    if (status == CN_OK && !all_barriers(model)) status = CN_ERR_ARG;
     if (status == CN_OK)
         *out = model;
     else

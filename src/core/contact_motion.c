@@ -67,6 +67,7 @@ double cn_contact_least(const cn_contact *contact, int surface)
     for (int i = 0; i < contact->npair; i++) {
         const cn_pair *pair = &contact->pair[i];
         if (surface >= 0 && pair->surface[0] != surface && pair->surface[1] != surface) continue;
+        if (pair->surface[0] == pair->surface[1] && !(contact->distance[i] < pair->gap)) continue;
         least = contact->distance[i] < least ? contact->distance[i] : least;
     }
     return least;

@@ -12,6 +12,16 @@ static inline bool cn_contact_rests(const cn_contact_surface *surface)
     return !surface->body && !surface->moving;
 }
 
+/* Whether two surfaces are tested against each other: neither two that do not give way, nor two vessels,
+ * whose union is what is free. */
+static inline bool cn_contact_meet(const cn_contact_model *model, int s, int t)
+{
+    const cn_contact_surface *a = &model->surface[s], *b = &model->surface[t];
+    if (s == t) return a->self;
+    if (!a->body && !b->body) return false;
+    return a->wall < 0 || b->wall < 0 || a->wall >= model->world->nvessel || b->wall >= model->world->nvessel;
+}
+
 /* Leading points of the surface that take part: all of a wall's. */
 static inline int cn_contact_nfree(const cn_contact_surface *surface, int nfree)
 {
@@ -121,5 +131,8 @@ void cn_contact_space_at(const cn_contact_model *model, cn_contact *contact, con
 bool cn_contact_is_free(const cn_contact_model *model, const cn_contact *contact, const double p[3]);
 /* Distance to the nearest wall [m]. */
 double cn_contact_wall_distance(const cn_contact_model *model, const cn_contact *contact, const double p[3]);
+/* How deep p is inside a body that is no wall [m]; 0: it is not. */
+double cn_contact_depth_in(const cn_contact_model *model, const cn_contact *contact, int surface,
+                           const double p[3]);
 
 #endif

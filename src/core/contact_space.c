@@ -12,16 +12,16 @@
 typedef struct {
     int surface;
     double shift[3]; /* of one that moves [m] */
-    /* of one that deforms */
-    int ntree;
-    const cn_tree **tree; /* of its parts, then of its caps; NULL: it does not deform */
-    int *point;           /* its point at each vertex of the caps that is on a rim, else -1 (caps->nvert) */
-    double *vert;         /* caps as they lie now (caps->nvert x 3) */
+    bool deforms;
+    int *point;   /* its point at each vertex of the caps that is on a rim, else -1 (caps->nvert) */
+    double *vert; /* caps as they lie now (caps->nvert x 3) */
     double (*cap)[7];
     cn_tree *caps;
 } wall_now;
 
 struct cn_contact_space {
+    const cn_tree **tree; /* of all parts, those of a surface in a row (npart) */
+    int *first;           /* its first one (nsurface + 1) */
     int nwall;
     wall_now *wall;
     bool rests;  /* all of them */
@@ -39,12 +39,11 @@ static int nearest_point(const cn_contact_surface *surface, const double p[3])
     return best;
 }
 
-static cn_status deforming(wall_now *out, const cn_wall *wall, const cn_contact_surface *surface, int npart)
+static cn_status deforming(wall_now *out, const cn_wall *wall, const cn_contact_surface *surface)
 {
     const cn_surface *caps = wall->caps;
     const size_t nvert = caps ? (size_t)caps->nvert : 0;
-    out->tree = calloc((size_t)npart + 1, sizeof *out->tree);
-    if (!out->tree) return CN_ERR_MEMORY;
+    out->deforms = true;
     if (!caps) return CN_OK;
     out->point = malloc(nvert * sizeof *out->point);
     out->vert = malloc(3 * nvert * sizeof *out->vert);
@@ -70,18 +69,21 @@ cn_status cn_contact_space_new(struct cn_contact_space **out, const cn_contact_m
     if (!space) return CN_ERR_MEMORY;
     space->rests = true, space->nwall = world->nwall;
     space->wall = calloc((size_t)world->nwall + 1, sizeof *space->wall);
-    if (!space->wall) status = CN_ERR_MEMORY;
+    space->tree = malloc(((size_t)contact->npart + 1) * sizeof *space->tree);
+    space->first = calloc((size_t)model->nsurface + 1, sizeof *space->first);
+    if (!space->wall || !space->tree || !space->first) status = CN_ERR_MEMORY;
+    for (int p = 0; p < contact->npart && status == CN_OK; p++) {
+        space->tree[p] = contact->part[p].tree;
+        for (int s = contact->part[p].surface; s < model->nsurface; s++)
+            space->first[s + 1]++;
+    }
     for (int s = 0; s < model->nsurface && status == CN_OK; s++) {
         const cn_contact_surface *surface = &model->surface[s];
         if (surface->wall < 0) continue;
         wall_now *wall = &space->wall[surface->wall];
         wall->surface = s;
         space->rests = space->rests && cn_contact_rests(surface);
-        if (!surface->body) continue;
-        status = deforming(wall, &world->wall[surface->wall], surface, contact->npart);
-        for (int p = 0; p < contact->npart && status == CN_OK; p++)
-            if (contact->part[p].surface == s) wall->tree[wall->ntree++] = contact->part[p].tree;
-        if (wall->caps && status == CN_OK) wall->tree[wall->ntree++] = wall->caps;
+        if (surface->body) status = deforming(wall, &world->wall[surface->wall], surface);
     }
     if (status == CN_OK)
         *out = space;
@@ -96,9 +98,9 @@ void cn_contact_space_free(struct cn_contact_space *space)
     for (int w = 0; space->wall && w < space->nwall; w++) {
         wall_now *wall = &space->wall[w];
         cn_tree_free(wall->caps);
-        free(wall->tree), free(wall->point), free(wall->vert), free(wall->cap);
+        free(wall->point), free(wall->vert), free(wall->cap);
     }
-    free(space->wall);
+    free(space->wall), free(space->tree), free(space->first);
     free(space);
 }
 
@@ -111,7 +113,7 @@ void cn_contact_space_at(const cn_contact_model *model, cn_contact *contact, con
         const cn_contact_surface *surface = &model->surface[wall->surface];
         const double *now = x + 3 * (size_t)surface->first;
         if (surface->moving) cn_sub(now, surface->rest, wall->shift);
-        for (int i = 0; i < (wall->tree ? surface->npoint : surface->moving ? 1 : 0); i++)
+        for (int i = 0; i < (wall->deforms ? surface->npoint : surface->moving ? 1 : 0); i++)
             most = fmax(most, cn_distance(now + 3 * i, surface->rest + 3 * i));
         if (!wall->caps) continue;
         const cn_wall *given = &model->world->wall[w];
@@ -123,13 +125,22 @@ void cn_contact_space_at(const cn_contact_model *model, cn_contact *contact, con
     space->most = most;
 }
 
-/* Inside a vessel or its corridors, or inside a closed obstacle. */
-static bool inside(const cn_wall *given, const wall_now *wall, const double p[3])
+static bool inside_surface(const struct cn_contact_space *space, int surface, const cn_tree *caps,
+                           const double p[3])
 {
+    const int first = space->first[surface];
+    return cn_tree_inside_all(space->first[surface + 1] - first, space->tree + first, caps, p);
+}
+
+/* Inside a vessel or its corridors, or inside a closed obstacle. */
+static bool inside(const struct cn_contact_space *space, const cn_world *world, int w, const double p[3])
+{
+    const cn_wall *given = &world->wall[w];
+    const wall_now *wall = &space->wall[w];
     double q[3];
-    if (wall->tree)
-        return (given->vessel && cn_cap_corridor(wall->caps ? given->ncap : 0, wall->cap, p)) ||
-               cn_tree_inside_all(wall->ntree, wall->tree, p);
+    if (wall->deforms)
+        return (given->vessel && cn_cap_corridor(given->ncap, wall->cap, p)) ||
+               inside_surface(space, wall->surface, wall->caps, p);
     cn_sub(p, wall->shift, q);
     return (given->vessel && cn_cap_corridor(given->ncap, given->cap, q)) ||
            cn_tree_inside(given->tree, given->cap_tree, q);
@@ -138,7 +149,7 @@ static bool inside(const cn_wall *given, const wall_now *wall, const double p[3]
 static bool behind(const cn_wall *given, const wall_now *wall, const double p[3])
 {
     double d[3];
-    if (!given->half_space || wall->tree) return false;
+    if (!given->half_space || wall->deforms) return false;
     cn_sub(p, given->plane, d), cn_sub(d, wall->shift, d);
     return !(cn_dot(d, given->plane + 3) > 0);
 }
@@ -154,10 +165,17 @@ bool cn_contact_is_free(const cn_contact_model *model, const cn_contact *contact
     if (world->map && cn_map_clearance(world->map, p) > space->most) return true;
     bool in = world->nvessel == 0;
     for (int w = 0; w < world->nvessel && !in; w++)
-        in = inside(&world->wall[w], &space->wall[w], p);
+        in = inside(space, world, w, p);
     for (int w = world->nvessel; w < world->nwall && in; w++)
-        in = !world->wall[w].closed || !inside(&world->wall[w], &space->wall[w], p);
+        in = !world->wall[w].closed || !inside(space, world, w, p);
     return in;
+}
+
+static double nearest_on(const struct cn_contact_space *space, int surface, const double p[3], double limit)
+{
+    for (int t = space->first[surface]; t < space->first[surface + 1]; t++)
+        limit = cn_tree_nearest(space->tree[t], p, limit, NULL, NULL);
+    return limit;
 }
 
 double cn_contact_wall_distance(const cn_contact_model *model, const cn_contact *contact, const double p[3])
@@ -168,9 +186,17 @@ double cn_contact_wall_distance(const cn_contact_model *model, const cn_contact 
         const wall_now *wall = &space->wall[w];
         double q[3];
         cn_sub(p, wall->shift, q);
-        if (!wall->tree) best = cn_tree_nearest(model->world->wall[w].tree, q, best, NULL, NULL);
-        for (int i = 0; wall->tree && i < wall->ntree - (wall->caps ? 1 : 0); i++)
-            best = cn_tree_nearest(wall->tree[i], p, best, NULL, NULL);
+        best = wall->deforms ? nearest_on(space, wall->surface, p, best)
+                             : cn_tree_nearest(model->world->wall[w].tree, q, best, NULL, NULL);
     }
     return best;
+}
+
+double cn_contact_depth_in(const cn_contact_model *model, const cn_contact *contact, int surface,
+                           const double p[3])
+{
+    const cn_contact_surface *of = &model->surface[surface];
+    if (!of->body || of->wall >= 0 || of->body->ntet == 0) return 0;
+    if (!inside_surface(contact->space, surface, NULL, p)) return 0;
+    return nearest_on(contact->space, surface, p, INFINITY);
 }

@@ -108,7 +108,7 @@ double cn_point_triangle(const double p[3], const double a[3], const double b[3]
     patch difference;
     cn_sub(a, p, difference.r0), cn_sub(b, a, difference.e1), cn_sub(c, a, difference.e2);
     const nearest n = nearest_on(&difference, TRIANGLE);
-    if (bary) bary[0] = 1 - n.s - n.t, bary[1] = n.s, bary[2] = n.t;
+    if (bary) bary[0] = n.where == ALONG_DIAGONAL ? 0 : 1 - n.s - n.t, bary[1] = n.s, bary[2] = n.t;
     return sqrt(n.square);
 }
 

@@ -35,7 +35,7 @@ int cn_tree_crossings(const cn_tree *tree, const double a[3], const double b[3])
  * the surface may go either way, always the same. */
 bool cn_tree_inside(const cn_tree *tree, const cn_tree *caps, const double p[3]);
 /* The same of a closed surface whose triangles lie in several trees. */
-bool cn_tree_inside_all(int ntree, const cn_tree *const *tree, const double p[3]);
+bool cn_tree_inside_all(int ntree, const cn_tree *const *tree, const cn_tree *caps, const double p[3]);
 void cn_tree_box(const cn_tree *tree, double min[3], double max[3]);
 
 #endif

@@ -183,15 +183,15 @@ static int ray_crossings(const cn_tree *tree, const double p[3], int k, bool up)
     return count;
 }
 
-bool cn_tree_inside_all(int ntree, const cn_tree *const *tree, const double p[3])
+bool cn_tree_inside_all(int ntree, const cn_tree *const *tree, const cn_tree *caps, const double p[3])
 {
     double min[3] = {INFINITY, INFINITY, INFINITY}, max[3] = {-INFINITY, -INFINITY, -INFINITY};
     double low[3], high[3], least = INFINITY;
     int axis = 0, count = 0;
     bool up = true;
 
-    for (int i = 0; i < ntree; i++) {
-        cn_tree_box(tree[i], low, high);
+    for (int i = 0; i < ntree + (caps ? 1 : 0); i++) {
+        cn_tree_box(i < ntree ? tree[i] : caps, low, high);
         for (int k = 0; k < 3; k++)
             min[k] = fmin(min[k], low[k]), max[k] = fmax(max[k], high[k]);
     }
@@ -202,10 +202,11 @@ bool cn_tree_inside_all(int ntree, const cn_tree *const *tree, const double p[3]
     }
     for (int i = 0; i < ntree; i++)
         count += ray_crossings(tree[i], p, axis, up);
+    if (caps) count += ray_crossings(caps, p, axis, up);
     return count % 2 == 1;
 }
 
 bool cn_tree_inside(const cn_tree *tree, const cn_tree *caps, const double p[3])
 {
-    return cn_tree_inside_all(caps ? 2 : 1, (const cn_tree *const[]){tree, caps}, p);
+    return cn_tree_inside_all(1, &tree, caps, p);
 }
