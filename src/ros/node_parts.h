@@ -27,6 +27,12 @@ typedef struct {
     unsigned id;
     float *stress;  /* per vertex [Pa] (nnode) */
     double highest; /* so far [Pa]: the colour scale where there is no limit */
+    /* of the skin it wears; NULL: none */
+    unsigned skin_id;
+    float *skin_stress; /* per vertex [Pa] */
+    float *node_stress; /* of what it hangs on (nnode) [Pa] */
+    int *hangs_on;      /* the first anchor of each vertex */
+    int *skin_tri;      /* triangles out of the sheath (ntri x 3) */
 } shown;
 
 /* A call on its way to its answer. */

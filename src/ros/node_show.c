@@ -27,6 +27,29 @@ bool wants_frame(cn_node *node, int step)
     return wanted;
 }
 
+/* Announces the skin of a body that is met first, as NAME_skin. */
+static bool announce_skin(cn_node *node, const cn_frame_body *b, shown *s)
+{
+    char name[80];
+    const size_t nvert = (size_t)b->skin->nvert;
+    s->skin_stress = calloc(nvert, sizeof *s->skin_stress);
+    s->node_stress = calloc((size_t)b->body->nnode, sizeof *s->node_stress);
+    s->hangs_on = calloc(nvert, sizeof *s->hangs_on);
+    s->skin_tri = calloc(3 * (size_t)b->skin->ntri, sizeof *s->skin_tri);
+    if (!s->skin_stress || !s->node_stress || !s->hangs_on || !s->skin_tri) return false;
+    for (size_t r = 0; r < nvert; r++)
+        s->hangs_on[b->skin->vertex[r]] = b->skin->anchor[r * (size_t)b->skin->nper];
+    s->skin_id = ++node->last_id;
+    snprintf(name, sizeof name, "%s_skin", b->name);
+    cn_ros_send_topology(node->ros, node->run_frame, name, s->skin_id, 0, NULL, b->skin->ntri, b->skin->tri);
+    return true;
+}
+
+static void clear_shown(shown *s)
+{
+    free(s->stress), free(s->skin_stress), free(s->node_stress), free(s->hangs_on), free(s->skin_tri);
+}
+
 /* The body's place among those shown; a body met first is announced with its topology. */
 static shown *find_shown(cn_node *node, const cn_frame_body *b)
 {
@@ -38,7 +61,10 @@ static shown *find_shown(cn_node *node, const cn_frame_body *b)
     node->shown = list;
     shown *s = &list[node->nshown];
     *s = (shown){.body = b->body, .stress = calloc((size_t)b->body->npoint, sizeof(float))};
-    if (!s->stress) return NULL;
+    if (!s->stress || (b->skin && !announce_skin(node, b, s))) {
+        clear_shown(s);
+        return NULL;
+    }
     s->id = ++node->last_id;
     node->nshown++;
     cn_ros_send_topology(node->ros, node->run_frame, b->name, s->id, b->body->ntet, b->body->tet,
@@ -49,7 +75,7 @@ static shown *find_shown(cn_node *node, const cn_frame_body *b)
 void forget_shown(cn_node *node)
 {
     for (int i = 0; i < node->nshown; i++)
-        free(node->shown[i].stress);
+        clear_shown(&node->shown[i]);
     free(node->shown);
     node->shown = NULL, node->nshown = 0;
 }
@@ -69,6 +95,43 @@ static void vertex_stress(shown *s, const double *von_mises)
     }
 }
 
+/* A vertex of the skin has the stress of its anchors by their weights, a node the largest of its points. */
+static void skin_stress(shown *s, const cn_skin *skin)
+{
+    const cn_body *body = s->body;
+    memset(s->node_stress, 0, (size_t)body->nnode * sizeof(float));
+    for (int p = 0; p < body->npoint && body->nanchor == 0; p++) {
+        float *at = s->node_stress + cn_body_node_of(body, p);
+        if (s->stress[p] > *at) *at = s->stress[p];
+    }
+    for (size_t r = 0, n = (size_t)skin->nper; r < (size_t)skin->nvert; r++) {
+        double sum = 0;
+        for (size_t i = n * r; i < n * (r + 1); i++)
+            sum += skin->weight[i] * s->node_stress[skin->anchor[i]];
+        s->skin_stress[skin->vertex[r]] = sum > 0 ? (float)sum : 0;
+    }
+}
+
+/* In rviz the skin stands in the body's place; what hangs on nodes in the sheath is not shown. */
+static void show_skin(cn_node *node, const cn_frame *frame, const cn_frame_body *b, shown *s, double full)
+{
+    const cn_skin *skin = b->skin;
+    const int out = b->nactive < 1                  ? 0
+                    : b->nactive >= b->body->npoint ? b->body->nnode
+                                                    : cn_body_node_of(b->body, b->nactive - 1) + 1;
+    int ntri = 0;
+    for (int t = 0; t < skin->ntri; t++) {
+        const int *corner = skin->tri + 3 * t;
+        if (s->hangs_on[corner[0]] < out && s->hangs_on[corner[1]] < out && s->hangs_on[corner[2]] < out)
+            memcpy(s->skin_tri + 3 * ntri++, corner, 3 * sizeof *corner);
+    }
+    skin_stress(s, skin);
+    cn_ros_send_state(node->ros, node->run_frame, s->skin_id, frame->step, frame->time, skin->nvert,
+                      b->worn->x, s->skin_stress);
+    cn_ros_send_catheter(node->ros, node->run_frame, b->name, s->id, skin->nvert, ntri, s->skin_tri,
+                         b->worn->x, s->skin_stress, full);
+}
+
 void show_frame(cn_node *node, const cn_frame *frame)
 {
     for (int i = 0; i < frame->nbody; i++) {
@@ -76,11 +139,14 @@ void show_frame(cn_node *node, const cn_frame *frame)
         shown *s = find_shown(node, b);
         if (!s) continue; /* out of memory: the plan goes on unseen */
         vertex_stress(s, b->von_mises);
+        const double full = isfinite(b->stress_limit) ? b->stress_limit : s->highest;
         cn_ros_send_state(node->ros, node->run_frame, s->id, frame->step, frame->time, b->body->npoint, b->x,
                           s->stress);
-        cn_ros_send_catheter(node->ros, node->run_frame, b->name, s->id, b->nactive, b->body->boundary->ntri,
-                             b->body->boundary->tri, b->x, s->stress,
-                             isfinite(b->stress_limit) ? b->stress_limit : s->highest);
+        if (b->skin && s->skin_tri)
+            show_skin(node, frame, b, s, full);
+        else
+            cn_ros_send_catheter(node->ros, node->run_frame, b->name, s->id, b->nactive,
+                                 b->body->boundary->ntri, b->body->boundary->tri, b->x, s->stress, full);
     }
 }
 
