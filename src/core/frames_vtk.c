@@ -180,17 +180,22 @@ cn_status cn_skin_write_vtp(const cn_frame_body *body, const char *path, cn_erro
 {
     const cn_skin *skin = body->skin;
     const size_t n = 3 * (size_t)skin->nvert;
-    double *displacement = malloc((n + 1) * sizeof *displacement);
+    const size_t nnode = (size_t)body->body->nnode;
+    double *displacement = malloc((n + n / 3 + nnode + 1) * sizeof *displacement);
     cn_status status;
     if (!displacement)
         return cn_fail(error, CN_ERR_MEMORY, path, 0, "out of memory while a frame is written");
+    double *const stress = displacement + n;
     for (size_t i = 0; i < n; i++) { /* rows are in another order than vertices */
         const size_t to = 3 * (size_t)skin->vertex[i / 3] + i % 3;
         displacement[to] = body->worn->x[to] - (skin->centre[i % 3] + skin->rest[i]);
     }
-    const figures with[] = {
-        {"normal", 3, body->worn->normal}, {"displacement", 3, displacement}, {NULL, 0, NULL}};
-    if (!all_finite(n, displacement) || !all_finite(n, body->worn->normal))
+    cn_skin_stress(skin, body->body, body->von_mises, stress + n / 3, stress);
+    const figures with[] = {{"normal", 3, body->worn->normal},
+                            {"displacement", 3, displacement},
+                            {body->von_mises ? "stress" : NULL, 1, stress},
+                            {NULL, 0, NULL}};
+    if (!all_finite(n + n / 3, displacement) || !all_finite(n, body->worn->normal))
         status = cn_fail(error, CN_ERR_NOT_FINITE, path, 0,
                          "the skin of %s has a position that is not finite", body->name);
     else

@@ -30,7 +30,7 @@ typedef struct {
     /* of the skin it wears; NULL: none */
     unsigned skin_id;
     float *skin_stress; /* per vertex [Pa] */
-    float *node_stress; /* of what it hangs on (nnode) [Pa] */
+    double *scratch;    /* stress of nodes and vertices [Pa] (nnode + nvert) */
     int *hangs_on;      /* the first anchor of each vertex */
     int *skin_tri;      /* triangles out of the sheath (ntri x 3) */
 } shown;

@@ -33,10 +33,10 @@ static bool announce_skin(cn_node *node, const cn_frame_body *b, shown *s)
     char name[80];
     const size_t nvert = (size_t)b->skin->nvert;
     s->skin_stress = calloc(nvert, sizeof *s->skin_stress);
-    s->node_stress = calloc((size_t)b->body->nnode, sizeof *s->node_stress);
+    s->scratch = calloc((size_t)b->body->nnode + nvert, sizeof *s->scratch);
     s->hangs_on = calloc(nvert, sizeof *s->hangs_on);
     s->skin_tri = calloc(3 * (size_t)b->skin->ntri, sizeof *s->skin_tri);
-    if (!s->skin_stress || !s->node_stress || !s->hangs_on || !s->skin_tri) return false;
+    if (!s->skin_stress || !s->scratch || !s->hangs_on || !s->skin_tri) return false;
     for (size_t r = 0; r < nvert; r++)
         s->hangs_on[b->skin->vertex[r]] = b->skin->anchor[r * (size_t)b->skin->nper];
     s->skin_id = ++node->last_id;
@@ -47,7 +47,7 @@ static bool announce_skin(cn_node *node, const cn_frame_body *b, shown *s)
 
 static void clear_shown(shown *s)
 {
-    free(s->stress), free(s->skin_stress), free(s->node_stress), free(s->hangs_on), free(s->skin_tri);
+    free(s->stress), free(s->skin_stress), free(s->scratch), free(s->hangs_on), free(s->skin_tri);
 }
 
 /* The body's place among those shown; a body met first is announced with its topology. */
@@ -95,23 +95,6 @@ static void vertex_stress(shown *s, const double *von_mises)
     }
 }
 
-/* A vertex of the skin has the stress of its anchors by their weights, a node the largest of its points. */
-static void skin_stress(shown *s, const cn_skin *skin)
-{
-    const cn_body *body = s->body;
-    memset(s->node_stress, 0, (size_t)body->nnode * sizeof(float));
-    for (int p = 0; p < body->npoint && body->nanchor == 0; p++) {
-        float *at = s->node_stress + cn_body_node_of(body, p);
-        if (s->stress[p] > *at) *at = s->stress[p];
-    }
-    for (size_t r = 0, n = (size_t)skin->nper; r < (size_t)skin->nvert; r++) {
-        double sum = 0;
-        for (size_t i = n * r; i < n * (r + 1); i++)
-            sum += skin->weight[i] * s->node_stress[skin->anchor[i]];
-        s->skin_stress[skin->vertex[r]] = sum > 0 ? (float)sum : 0;
-    }
-}
-
 /* In rviz the skin stands in the body's place; what hangs on nodes in the sheath is not shown. */
 static void show_skin(cn_node *node, const cn_frame *frame, const cn_frame_body *b, shown *s, double full)
 {
@@ -125,7 +108,10 @@ static void show_skin(cn_node *node, const cn_frame *frame, const cn_frame_body 
         if (s->hangs_on[corner[0]] < out && s->hangs_on[corner[1]] < out && s->hangs_on[corner[2]] < out)
             memcpy(s->skin_tri + 3 * ntri++, corner, 3 * sizeof *corner);
     }
-    skin_stress(s, skin);
+    double *const stress = s->scratch + b->body->nnode;
+    cn_skin_stress(skin, b->body, b->von_mises, s->scratch, stress);
+    for (int v = 0; v < skin->nvert; v++)
+        s->skin_stress[v] = (float)stress[v];
     cn_ros_send_state(node->ros, node->run_frame, s->skin_id, frame->step, frame->time, skin->nvert,
                       b->worn->x, s->skin_stress);
     cn_ros_send_catheter(node->ros, node->run_frame, b->name, s->id, skin->nvert, ntri, s->skin_tri,
