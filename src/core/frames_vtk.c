@@ -81,9 +81,11 @@ static bool all_finite(size_t n, const double *values)
 cn_status cn_vtu_write(const cn_frame_body *body, const char *path, cn_error *error)
 {
     const cn_body *b = body->body;
-    const bool wall = b->model == CN_BODY_MEMBRANE || b->model == CN_BODY_SHELL; /* its cells are triangles */
-    const size_t npoint = (size_t)b->npoint, ncell = (size_t)(wall ? b->nelement : b->ntet);
-    const size_t width = b->mid ? 10 : wall ? 3 : 4;
+    const bool flat = b->ntet == 0; /* triangles */
+    const size_t npoint = (size_t)b->npoint, ncell = (size_t)cn_body_cells(b),
+                 width = b->mid ? 10
+                         : flat ? 3
+                                : 4;
     cn_output output;
     appended a;
     cn_status status = CN_ERR_MEMORY;
@@ -105,9 +107,9 @@ cn_status cn_vtu_write(const cn_frame_body *body, const char *path, cn_error *er
         displacement[i] = body->x[i] - b->point[i];
     for (size_t i = 0; i < ncell; i++) {
         offset[i] = (int32_t)(width * (i + 1));
-        type[i] = b->mid ? 24 : wall ? 5 : 10; /* VTK_QUADRATIC_TETRA, VTK_TRIANGLE, VTK_TETRA */
+        type[i] = b->mid ? 24 : flat ? 5 : 10; /* VTK_QUADRATIC_TETRA, VTK_TRIANGLE, VTK_TETRA */
         for (size_t k = 0; k < width; k++)
-            corner[width * i + k] = wall    ? b->boundary->tri[3 * i + k]
+            corner[width * i + k] = flat    ? b->boundary->tri[3 * i + k]
                                     : k < 4 ? b->tet[4 * i + k]
                                             : b->mid[6 * i + k - 4];
     }
