@@ -150,8 +150,7 @@ static cn_status prepare(cn_run_data *run)
     if ((status = cn_run_works(run, &run->error)) != CN_OK) return status;
     for (int b = 0; b < run->nbody; b++) {
         const cn_body *body = run->model->body[b].body;
-        run->body[b].von_mises =
-            calloc((size_t)(body->ntet > body->nelement ? body->ntet : body->nelement) + 1, sizeof(double));
+        run->body[b].von_mises = calloc((size_t)cn_body_cells(body) + 1, sizeof(double));
         run->body[b].turn = calloc(4 * (size_t)body->nturn + 1, sizeof(double));
         run->body[b].points = calloc(3 * (size_t)body->npoint + 1, sizeof(double));
         if (!run->body[b].von_mises || !run->body[b].turn || !run->body[b].points) return CN_ERR_MEMORY;

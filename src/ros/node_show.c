@@ -92,16 +92,18 @@ void forget_shown(cn_node *node)
     node->shown = NULL, node->nshown = 0;
 }
 
-/* Largest von Mises stress of each vertex's tetrahedra: what breaks a limit is never averaged away. */
+/* Largest von Mises stress of each vertex's cells: what breaks a limit is never averaged away. */
 static void vertex_stress(shown *s, const double *von_mises)
 {
     const cn_body *b = s->body;
     memset(s->stress, 0, (size_t)b->npoint * sizeof(float));
-    for (int e = 0; von_mises && e < b->ntet; e++) {
+    for (int e = 0; von_mises && e < cn_body_cells(b); e++) {
         const float stress = (float)von_mises[e];
         if (von_mises[e] > s->highest) s->highest = von_mises[e];
-        for (int k = 0; k < (b->mid ? 10 : 4); k++) {
-            float *at = s->stress + (k < 4 ? b->tet[4 * e + k] : b->mid[6 * e + k - 4]);
+        for (int k = 0; k < (b->mid ? 10 : b->ntet ? 4 : 3); k++) {
+            float *at = s->stress + (!b->ntet ? b->boundary->tri[3 * e + k]
+                                     : k < 4  ? b->tet[4 * e + k]
+                                              : b->mid[6 * e + k - 4]);
             if (stress > *at) *at = stress;
         }
     }
