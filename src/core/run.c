@@ -233,7 +233,7 @@ static void add_part(cn_step_figures *all, const cn_step_figures *part)
     all->kept += part->kept;
     all->linear = part->linear > all->linear ? part->linear : all->linear;
     all->fem_s += part->fem_s, all->collision_s += part->collision_s;
-    all->unconverged += part->unconverged;
+    all->unconverged += part->unconverged, all->momentum_error += part->momentum_error;
     all->linear_residual = fmax(all->linear_residual, part->linear_residual);
 }
 
