@@ -40,10 +40,12 @@ def read_surface(folder, spec):
 
 
 def last_pieces(folder):
-    """Paths of the pieces of the last frame in frames.pvd."""
+    """Paths of the pieces of the last frame in frames.pvd; a skin stands for the body that wears it."""
     sets = list(xml.etree.ElementTree.parse(os.path.join(folder, 'frames.pvd')).iter('DataSet'))
     last = max(float(s.get('timestep')) for s in sets)
-    return [os.path.join(folder, s.get('file')) for s in sets if float(s.get('timestep')) == last]
+    names = [s.get('file') for s in sets if float(s.get('timestep')) == last]
+    worn = {'_'.join(name.rsplit('_skin_', 1))[:-4] for name in names if name.endswith('.vtp')}
+    return [os.path.join(folder, name) for name in names if name.endswith('.vtp') or name[:-4] not in worn]
 
 
 def read_body(path):

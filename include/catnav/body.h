@@ -191,6 +191,9 @@ const double *cn_body_points(const cn_body *body, int nactive, const double *x, 
 /* Points that belong to the first n nodes, and the node of a point. */
 int cn_body_points_of(const cn_body *body, int n);
 int cn_body_node_of(const cn_body *body, int point);
+/* Cells that frames show and von_mises is of: the tetrahedra, or of a body without any its boundary's
+ * triangles. */
+int cn_body_cells(const cn_body *body);
 /* How points hang on blocks at x: point p moves by d x(block node) + arm d x(block node + nnode), or, with
  * nper > 0, by sum_k weight d x(anchor), without arms. */
 typedef struct {

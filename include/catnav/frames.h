@@ -1,6 +1,6 @@
 /* frames.h - frames.pvd with .vtu pieces that ParaView opens: NAME_STEP.vtu, Float64 points [m], point data
  * `displacement` [m], cell data `stress` (von Mises, Pa); of a body's skin NAME_skin_STEP.vtp with point data
- * `normal` and `displacement` [m]. */
+ * `normal`, `displacement` [m] and `stress` [Pa]. */
 #ifndef CN_FRAMES_H
 #define CN_FRAMES_H
 

@@ -102,6 +102,7 @@ typedef struct {
         double gap_min;
         long intersections, outside_nodes;
         double force_max;
+        double momentum_error; /* of penalty, else NAN: made by forces not equal and opposite [kg m/s] */
     } contact; /* gap NAN: no walls */
     struct {
         double force_max, work;

@@ -264,6 +264,11 @@ typedef struct {
 cn_status cn_scene_read(cn_scene **out, const char *path, int nsetting, const cn_setting *setting,
                         cn_error *error);
 void cn_scene_free(cn_scene *scene);
+/* Writes scene file `from` to `to` (may be the same) with other waypoints of the first body: the first replaces
+ * a catheter's entry, the others its waypoints; all else stays as it stands, comments too. Written elsewhere,
+ * read back, then renamed: `to` is either as before or whole. Files named in it are looked for from `to`. */
+cn_status cn_scene_write_waypoints(const char *from, const char *to, int nwaypoint, const double *waypoint,
+                                   cn_error *error);
 /* Every key of the schema as YAML with comment, default, range, unit (what all_keys.yaml holds). */
 cn_status cn_scene_write_keys(const char *path, cn_error *error);
 

@@ -90,6 +90,13 @@ void cn_skin_pull(const cn_skin *skin, const cn_skin_state *state, const double 
 void cn_skin_rotations(const cn_body *body, const double *x, const double *rotation, double *turn,
                        struct cn_pool *pool);
 
+/* Von Mises stress at the vertices of a body's skin (nvert) [Pa]: a node has the largest of the tetrahedra it
+ * belongs to, with a point that rides on it or itself (nodes: nnode, filled), a vertex that of its anchors by
+ * their weights, not below zero. von_mises as cn_body_measure fills it; NULL, or a body without tetrahedra:
+ * zeros. Allocates nothing. */
+void cn_skin_stress(const cn_skin *skin, const cn_body *body, const double *von_mises, double *nodes,
+                    double *stress);
+
 /* Largest angle [rad] between the normals of two triangles with a common edge; those without area are passed
  * over. 0 where there is no such edge. CN_ERR_MEMORY. */
 cn_status cn_skin_sharpest(const cn_skin *skin, const cn_skin_state *state, double *angle);

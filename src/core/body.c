@@ -159,6 +159,11 @@ int cn_body_node_of(const cn_body *body, int point)
     return (int)((long long)point * body->nnode / body->npoint);
 }
 
+int cn_body_cells(const cn_body *body)
+{
+    return body->ntet > 0 ? body->ntet : body->boundary->ntri;
+}
+
 cn_status cn_carry_new(cn_carry **out, const cn_body *body)
 {
     *out = NULL;

@@ -259,6 +259,47 @@ static int inverted(const cn_body *body, int nactive, const double *x)
     return n;
 }
 
+static double molecule_stress(const cn_body *body, int nactive, const double *x, int i)
+{
+    const cn_molecules *m = body->own;
+    const int group = i / CN_MOLECULE_LANES;
+    double w[6] = {0};
+    for (int slot = m->start[group]; slot < m->start[group + 1] && i < nactive; slot++) {
+        const size_t at = (size_t)slot * CN_MOLECULE_LANES + (size_t)(i % CN_MOLECULE_LANES);
+        double d[3];
+        if (m->link[at] < 0 || m->other[at] >= nactive) continue;
+        cn_sub(x + 3 * (size_t)i, x + 3 * (size_t)m->other[at], d);
+        const double length = cn_norm(d), pull = m->stiff[at] * (length - m->length[at]);
+        for (int a = 0, e = 0; a < 3; a++)
+            for (int b = a; b < 3 && length > 0; b++, e++)
+                w[e] += pull * d[a] * d[b] / length;
+    }
+    return cn_virial_stress(w, m->share[i]);
+}
+
+/* What the boundary shows: the mean of its corners' nearest molecules. */
+typedef struct {
+    const cn_body *body;
+    int nactive;
+    const double *x;
+    double *stress; /* of triangles */
+} shown;
+enum { SHOWN_CHUNK = 128 };
+
+static void show_chunk(void *user, int chunk)
+{
+    const shown *s = user;
+    const cn_surface *surface = s->body->boundary;
+    for (int t = chunk * SHOWN_CHUNK; t < surface->ntri && t < (chunk + 1) * SHOWN_CHUNK; t++) {
+        s->stress[t] = 0;
+        for (int c = 0; c < 3; c++)
+            s->stress[t] +=
+                molecule_stress(s->body, s->nactive, s->x,
+                                cn_body_node_of(s->body, surface->tri[3 * (size_t)t + (size_t)c])) /
+                3;
+    }
+}
+
 static void molecules_measure(const cn_body *body, int nactive, const double *x, double *rotation,
                               bool with_stress, cn_measures *measures, double *von_mises, cn_pool *pool)
 {
@@ -272,7 +313,10 @@ static void molecules_measure(const cn_body *body, int nactive, const double *x,
                            .strain_sum = strain_sum,
                            .growth = growth,
                            .with_stress = with_stress};
-    (void)rotation, (void)von_mises; /* no tetrahedra */
+    shown show = {body, nactive, x, von_mises};
+    (void)rotation;
+    if (von_mises)
+        cn_pool_run(pool, (body->boundary->ntri + SHOWN_CHUNK - 1) / SHOWN_CHUNK, show_chunk, &show);
     const int ntask = cn_molecules_run(&job, m->kernels->measure, pool);
     all.volume = body->rest_volume;
     for (int i = 0; i < ntask; i++) {

@@ -213,4 +213,28 @@ int cn_contact_project(const cn_contact_model *model, cn_contact *contact, const
                        const double *mass, double *x, double *v, cn_response response, double restitution,
                        int passes);
 
+/* Egger's response (contact_penalty.c): node `node` of surface's body is to be pushed by surface `other` out
+ * along n, from `depth` inside. */
+typedef struct {
+    int surface, other, node;
+    double n[3];  /* unit */
+    double depth; /* > 0 [m] */
+} cn_penalty_spring;
+typedef struct {
+    int nspring, capacity;
+    cn_penalty_spring *spring;
+    struct cn_penalty_scratch *scratch;
+} cn_penalty;
+/* Model and contact must outlive it. */
+cn_status cn_penalty_new(cn_penalty **out, const cn_contact_model *model, cn_contact *contact);
+void cn_penalty_free(cn_penalty *penalty);
+cn_status cn_penalty_grow(cn_penalty *penalty); /* after CN_ERR_CONTACT */
+/* The pushes at x (npoint x 3), every body against every other surface; none of a body on itself. nfree as
+ * above. Refits the contact's trees. CN_ERR_CONTACT: a list is full. */
+cn_status cn_penalty_find(cn_penalty *penalty, const int *nfree, const double *x, cn_pool *pool);
+/* Faces of surface a (a body's) that cross surface b, ncross of them, then those immersed in it: nface in
+ * all, valid until the next call. */
+cn_status cn_penalty_faces(cn_penalty *penalty, const int *nfree, const double *x, int a, int b, int *ncross,
+                           int *nface, const int **face);
+
 #endif

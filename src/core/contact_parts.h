@@ -129,6 +129,10 @@ void cn_contact_space_free(struct cn_contact_space *space);
 /* Takes the walls to x (npoint x 3), which the parts' trees are fitted to; what follows asks about there. */
 void cn_contact_space_at(const cn_contact_model *model, cn_contact *contact, const double *x);
 bool cn_contact_is_free(const cn_contact_model *model, const cn_contact *contact, const double p[3]);
+/* True where p is on the wrong side of a surface that has one: inside a body or a closed obstacle, behind a
+ * plane, outside all vessels. */
+bool cn_contact_behind(const cn_contact_model *model, const cn_contact *contact, int surface,
+                       const double p[3]);
 /* Distance to the nearest wall [m]. */
 double cn_contact_wall_distance(const cn_contact_model *model, const cn_contact *contact, const double p[3]);
 /* How deep p is inside a body that is no wall [m]; 0: it is not. */

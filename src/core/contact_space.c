@@ -178,6 +178,21 @@ static double nearest_on(const struct cn_contact_space *space, int surface, cons
     return limit;
 }
 
+bool cn_contact_behind(const cn_contact_model *model, const cn_contact *contact, int surface,
+                       const double p[3])
+{
+    const cn_world *world = model->world;
+    const struct cn_contact_space *space = contact->space;
+    const int wall = model->surface[surface].wall;
+    if (wall < 0) return inside_surface(space, surface, NULL, p);
+    if (world->wall[wall].half_space && !space->wall[wall].deforms)
+        return behind(&world->wall[wall], &space->wall[wall], p);
+    if (!world->wall[wall].vessel) return inside(space, world, wall, p);
+    for (int w = 0; w < world->nvessel; w++)
+        if (inside(space, world, w, p)) return false;
+    return true;
+}
+
 double cn_contact_wall_distance(const cn_contact_model *model, const cn_contact *contact, const double p[3])
 {
     const struct cn_contact_space *space = contact->space;

@@ -81,9 +81,11 @@ static bool all_finite(size_t n, const double *values)
 cn_status cn_vtu_write(const cn_frame_body *body, const char *path, cn_error *error)
 {
     const cn_body *b = body->body;
-    const bool wall = b->model == CN_BODY_MEMBRANE || b->model == CN_BODY_SHELL; /* its cells are triangles */
-    const size_t npoint = (size_t)b->npoint, ncell = (size_t)(wall ? b->nelement : b->ntet);
-    const size_t width = b->mid ? 10 : wall ? 3 : 4;
+    const bool flat = b->ntet == 0; /* triangles */
+    const size_t npoint = (size_t)b->npoint, ncell = (size_t)cn_body_cells(b),
+                 width = b->mid ? 10
+                         : flat ? 3
+                                : 4;
     cn_output output;
     appended a;
     cn_status status = CN_ERR_MEMORY;
@@ -105,9 +107,9 @@ cn_status cn_vtu_write(const cn_frame_body *body, const char *path, cn_error *er
         displacement[i] = body->x[i] - b->point[i];
     for (size_t i = 0; i < ncell; i++) {
         offset[i] = (int32_t)(width * (i + 1));
-        type[i] = b->mid ? 24 : wall ? 5 : 10; /* VTK_QUADRATIC_TETRA, VTK_TRIANGLE, VTK_TETRA */
+        type[i] = b->mid ? 24 : flat ? 5 : 10; /* VTK_QUADRATIC_TETRA, VTK_TRIANGLE, VTK_TETRA */
         for (size_t k = 0; k < width; k++)
-            corner[width * i + k] = wall    ? b->boundary->tri[3 * i + k]
+            corner[width * i + k] = flat    ? b->boundary->tri[3 * i + k]
                                     : k < 4 ? b->tet[4 * i + k]
                                             : b->mid[6 * i + k - 4];
     }
@@ -180,17 +182,22 @@ cn_status cn_skin_write_vtp(const cn_frame_body *body, const char *path, cn_erro
 {
     const cn_skin *skin = body->skin;
     const size_t n = 3 * (size_t)skin->nvert;
-    double *displacement = malloc((n + 1) * sizeof *displacement);
+    const size_t nnode = (size_t)body->body->nnode;
+    double *displacement = malloc((n + n / 3 + nnode + 1) * sizeof *displacement);
     cn_status status;
     if (!displacement)
         return cn_fail(error, CN_ERR_MEMORY, path, 0, "out of memory while a frame is written");
+    double *const stress = displacement + n;
     for (size_t i = 0; i < n; i++) { /* rows are in another order than vertices */
         const size_t to = 3 * (size_t)skin->vertex[i / 3] + i % 3;
         displacement[to] = body->worn->x[to] - (skin->centre[i % 3] + skin->rest[i]);
     }
-    const figures with[] = {
-        {"normal", 3, body->worn->normal}, {"displacement", 3, displacement}, {NULL, 0, NULL}};
-    if (!all_finite(n, displacement) || !all_finite(n, body->worn->normal))
+    cn_skin_stress(skin, body->body, body->von_mises, stress + n / 3, stress);
+    const figures with[] = {{"normal", 3, body->worn->normal},
+                            {"displacement", 3, displacement},
+                            {body->von_mises ? "stress" : NULL, 1, stress},
+                            {NULL, 0, NULL}};
+    if (!all_finite(n + n / 3, displacement) || !all_finite(n, body->worn->normal))
         status = cn_fail(error, CN_ERR_NOT_FINITE, path, 0,
                          "the skin of %s has a position that is not finite", body->name);
     else

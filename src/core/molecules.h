@@ -10,6 +10,7 @@
 #ifndef CN_MOLECULES_H
 #define CN_MOLECULES_H
 
+#include <math.h>
 #include "body_element.h"
 #include "tree.h"
 
@@ -101,6 +102,13 @@ typedef struct {
     cn_molecule_frames *frames;
     const cn_kernels *kernels; /* for this processor; their `user` is a cn_molecule_job, `i` a task */
 } cn_molecules;
+
+/* Von Mises [Pa] of the virial stress w / (2 V), w = sum_j k (l - L) d d' / l as xx xy xz yy yz zz. */
+static inline double cn_virial_stress(const double w[6], double share)
+{
+    const double p = w[0] - w[3], q = w[3] - w[5], r = w[5] - w[0];
+    return sqrt(0.5 * (p * p + q * q + r * r) + 3 * (w[1] * w[1] + w[2] * w[2] + w[4] * w[4])) / (2 * share);
+}
 
 typedef struct {
     const cn_body *body;

@@ -175,15 +175,6 @@ INLINE void elastic(void *user, int task)
     if (job->bound) job->bound[task] = bound;
 }
 
-/* Von Mises of the virial stress sum_j k (l - L) d d'/l / (2 V). */
-INLINE double virial_stress(const v8 w[6], int lane, double share)
-{
-    const double xx = w[0][lane], xy = w[1][lane], xz = w[2][lane], yy = w[3][lane], yz = w[4][lane],
-                 zz = w[5][lane];
-    const double p = xx - yy, q = yy - zz, r = zz - xx;
-    return sqrt(0.5 * (p * p + q * q + r * r) + 3 * (xy * xy + xz * xz + yz * yz)) / (2 * share);
-}
-
 /* As at rest where it does not take part: of links without stiffness nothing counts. */
 INLINE void measure(void *user, int task)
 {
@@ -229,7 +220,10 @@ INLINE void measure(void *user, int task)
         for (int lane = 0; lane < left; lane++) {
             cn_keep_largest(most[lane], (int)which[lane], &out->volume_max, &out->volume_element);
             if (!job->with_stress || first + lane >= job->nactive || which[lane] < 0) continue;
-            const double stress = virial_stress(virial, lane, share[lane]);
+            double w[6];
+            for (int e = 0; e < 6; e++)
+                w[e] = virial[e][lane];
+            const double stress = cn_virial_stress(w, share[lane]);
             cn_keep_largest(stress, (int)which[lane], &out->stress_max, &out->stress_element);
             out->stress_mean += stress;
         }

@@ -186,7 +186,8 @@ char *cn_report_json(const cn_report *r)
         root = json_pack(
             "{s:s, s:o, s:I, s:i, s:b, s:s, s:o," /* what ran, and the answer */
             " s:{s:i, s:i, s:i, s:i, s:i, s:i}, s:o, s:i, s:i, s:i,"
-            " s:{s:o, s:I, s:I, s:o}, s:{s:o, s:o, s:O}, s:O, s:{s:i, s:i, s:o, s:i}, s:O, s:O, s:{s:o, s:o, "
+            " s:{s:o, s:I, s:I, s:o, s:o}, s:{s:o, s:o, s:O}, s:O, s:{s:i, s:i, s:o, s:i}, s:O, s:O, s:{s:o, "
+            "s:o, "
             "s:o}, s:I}",
             "catnav", CATNAV_VERSION, "scene", text(r->scene), "seed", (json_int_t)r->seed, "threads",
             r->threads, "reproducible", (int)r->reproducible, "status", cn_verdict_status(r->verdict.code),
@@ -196,12 +197,13 @@ char *cn_report_json(const cn_report *r)
             r->steps, "rejected_steps", r->rejected_steps, "replans", r->replans, "contact", "gap_min",
             number(r->contact.gap_min), "intersections", (json_int_t)r->contact.intersections,
             "outside_nodes", (json_int_t)r->contact.outside_nodes, "force_max", number(r->contact.force_max),
-            "drive", "force_max", number(r->drive.force_max), "work", number(r->drive.work), "insertion",
-            base, "limits", limits, "solver", "newton_max", r->solver.newton_max, "linear_max",
-            r->solver.linear_max, "residual_max", number(r->solver.residual_max), "inverted_max",
-            r->solver.inverted_max, "bodies", bodies, "left_out", out, "path", "length",
-            number(r->path.length), "clearance_min", number(r->path.clearance_min), "turn_max",
-            number(r->path.turn_max), "memory_peak_bytes", (json_int_t)r->memory_peak_bytes);
+            "momentum_error", number(r->contact.momentum_error), "drive", "force_max",
+            number(r->drive.force_max), "work", number(r->drive.work), "insertion", base, "limits", limits,
+            "solver", "newton_max", r->solver.newton_max, "linear_max", r->solver.linear_max, "residual_max",
+            number(r->solver.residual_max), "inverted_max", r->solver.inverted_max, "bodies", bodies,
+            "left_out", out, "path", "length", number(r->path.length), "clearance_min",
+            number(r->path.clearance_min), "turn_max", number(r->path.turn_max), "memory_peak_bytes",
+            (json_int_t)r->memory_peak_bytes);
     if (root) json = json_dumps(root, JSON_INDENT(2));
     json_decref(root);
     json_decref(limits);

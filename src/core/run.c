@@ -150,8 +150,7 @@ static cn_status prepare(cn_run_data *run)
     if ((status = cn_run_works(run, &run->error)) != CN_OK) return status;
     for (int b = 0; b < run->nbody; b++) {
         const cn_body *body = run->model->body[b].body;
-        run->body[b].von_mises =
-            calloc((size_t)(body->ntet > body->nelement ? body->ntet : body->nelement) + 1, sizeof(double));
+        run->body[b].von_mises = calloc((size_t)cn_body_cells(body) + 1, sizeof(double));
         run->body[b].turn = calloc(4 * (size_t)body->nturn + 1, sizeof(double));
         run->body[b].points = calloc(3 * (size_t)body->npoint + 1, sizeof(double));
         if (!run->body[b].von_mises || !run->body[b].turn || !run->body[b].points) return CN_ERR_MEMORY;
@@ -234,7 +233,7 @@ static void add_part(cn_step_figures *all, const cn_step_figures *part)
     all->kept += part->kept;
     all->linear = part->linear > all->linear ? part->linear : all->linear;
     all->fem_s += part->fem_s, all->collision_s += part->collision_s;
-    all->unconverged += part->unconverged;
+    all->unconverged += part->unconverged, all->momentum_error += part->momentum_error;
     all->linear_residual = fmax(all->linear_residual, part->linear_residual);
 }
 

@@ -126,8 +126,9 @@ cn_status cn_run_supported(cn_run_data *run)
             body->model != CN_BODY_ROD)
             return unsupported(run, body->name, "a guidewire core in tetrahedra", "use model: rod");
     }
-    if (scene->contact.method == CN_CONTACT_PENALTY)
-        return unsupported(run, "contact.method", "penalty", "use strict or project");
+    if (scene->contact.method == CN_CONTACT_PENALTY && scene->solver.integrator != CN_INTEGRATOR_EULER)
+        return unsupported(run, "contact.method", "penalty with another integrator than euler",
+                           "use integrator: euler, or method: strict");
     if (scene->contact.friction > 0 && scene->contact.method != CN_CONTACT_STRICT)
         return unsupported(run, "contact.friction", "friction without strict contact",
                            "use method: strict, or friction: 0");

@@ -243,15 +243,25 @@ static double parting(const cn_path *old, const cn_path *new, double near)
 }
 
 /* The ball at the goal's place on the path, with the clearance there. A break beside an earlier one doubles
- * its ball: near-copies of a bad edge are not tried one by one. */
-static void add_refused(cn_run_data *run, cn_run_body *body, const double *goal, double diameter)
+ * its ball: near-copies of a bad edge are not tried one by one. Start and waypoints stay out of it, so that
+ * ways elsewhere remain. */
+static void add_refused(cn_run_data *run, int b, const double *goal)
 {
+    cn_run_body *body = &run->body[b];
+    const cn_body_spec *spec = &run->spec[b];
+    double start[3];
     cn_place here;
+    start_point(run, b, start);
     cn_path_at(body->path, cn_path_project(body->path, goal, 0, cn_path_length(body->path)), &here);
-    double radius = fmax(cn_world_distance(run->world, here.x, NULL, NULL, NULL), 0.5 * diameter);
+    double radius =
+        fmax(cn_world_distance(run->world, here.x, NULL, NULL, NULL), 0.5 * run->model->body[b].diameter);
     for (int i = 0; i < body->nrefused; i++)
         if (cn_distance(body->refused[i].centre, here.x) < 2 * body->refused[i].radius)
             radius = fmax(radius, 2 * body->refused[i].radius);
+    for (int i = -1; i < spec->nwaypoint; i++) {
+        const double away = cn_distance(i < 0 ? start : spec->waypoint + 3 * i, here.x);
+        if (away > 0) radius = fmin(radius, 0.9 * away);
+    }
     cn_ball *ball = &body->refused[body->nrefused++];
     cn_copy3(here.x, ball->centre);
     ball->radius = radius;
@@ -273,7 +283,7 @@ cn_status cn_run_replan(cn_run_data *run, int b)
         if (!more) return CN_ERR_MEMORY;
         body->refused = more, body->refused_capacity = capacity;
     }
-    add_refused(run, body, goal, model->diameter);
+    add_refused(run, b, goal);
     if ((status = cn_path_copy(&old, body->path)) != CN_OK) return status;
     if ((status = cn_run_plan_body(run, b)) == CN_OK) {
         const double s = parting(old, body->path, fmax(model->diameter, 4 * cn_map_cell(run->world->map)));

@@ -94,6 +94,8 @@ cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double
     report->contact.force_max = fmax(report->contact.force_max, figures->wall_force);
     if (isfinite(figures->gap) && !(report->contact.gap_min <= figures->gap))
         report->contact.gap_min = figures->gap;
+    if (run->scene->contact.method == CN_CONTACT_PENALTY)
+        report->contact.momentum_error = fmax(0, report->contact.momentum_error) + figures->momentum_error;
     report->contact.intersections += figures->findings.intersections;
     report->contact.outside_nodes += figures->findings.outside;
     return note_insertion(run, false);
@@ -287,7 +289,7 @@ void cn_report_refused(cn_report *report, const cn_scene *scene, const cn_error 
     if (scene) snprintf(report->scene, sizeof report->scene, "%s", scene->name ? scene->name : "");
     if (scene) report->seed = scene->seed;
     report->threads = 1;
-    report->contact.gap_min = NAN;
+    report->contact.gap_min = report->contact.momentum_error = NAN;
     report->path.length = report->path.clearance_min = report->path.turn_max = NAN;
     report->time.real_time_factor = NAN;
     const cn_spread none = {NAN, NAN, NAN};

@@ -114,6 +114,7 @@ typedef struct {
     double residual;                  /* recomputed, over the largest force norm */
     double force, work;               /* of the drive: sum of nodal magnitudes and the base's push [N]; [J] */
     double wall_force, wall_where[3]; /* most loaded patch [N] */
+    double momentum_error; /* of penalty: momentum made by forces that are not equal and opposite [kg m/s] */
     double gap;                       /* least listed distance [m], INFINITY: none near */
     double fem_s, collision_s;        /* wall time */
     cn_findings findings;

@@ -218,3 +218,22 @@ void cn_skin_rotations(const cn_body *body, const double *x, const double *rotat
             q[k] = length > 0 ? q[k] / length : k == 0;
     }
 }
+
+void cn_skin_stress(const cn_skin *skin, const cn_body *body, const double *von_mises, double *nodes,
+                    double *stress)
+{
+    const size_t n = (size_t)skin->nper, ntet = body->model == CN_BODY_MOLECULES ? 0 : (size_t)body->ntet;
+    memset(nodes, 0, (size_t)body->nnode * sizeof *nodes);
+    for (size_t e = 0; von_mises && e < ntet; e++)
+        for (size_t a = 0; a < (body->mid ? 10 : 4); a++) {
+            double *at =
+                nodes + cn_body_node_of(body, a < 4 ? body->tet[4 * e + a] : body->mid[6 * e + a - 4]);
+            if (von_mises[e] > *at) *at = von_mises[e];
+        }
+    for (size_t r = 0; r < (size_t)skin->nvert; r++) {
+        double sum = 0;
+        for (size_t i = n * r; i < n * (r + 1); i++)
+            sum += skin->weight[i] * nodes[skin->anchor[i]];
+        stress[skin->vertex[r]] = sum > 0 ? sum : 0;
+    }
+}

@@ -88,12 +88,13 @@ static void group_up(cn_group *g, cn_work *work, const cn_state *state, cn_state
             (work->part[p].body->self_always ||
              !cn_cannot_fold(work->part[p].body, &state->body[work->first + p], work->part[p].axis));
     g->strict = near && work->model->touches && work->model->scene->contact.method == CN_CONTACT_STRICT;
+    g->pressed = work->penalty && near && work->model->touches;
     for (int p = 0; p < work->npart; p++) {
         cn_part *part = &work->part[p];
         const cn_body_state *from = &state->body[part->index];
         cn_body_state *to = &trial->body[part->index];
         set_up(&g->stage[p], part, from, to->x, to->rotation, path ? path[part->index] : NULL, dt);
-        g->stage[p].free_flight &= !g->strict;
+        g->stage[p].free_flight &= !g->strict && !g->pressed;
     }
 }
 
@@ -385,6 +386,8 @@ static cn_status meet_walls(const cn_group *g, cn_state *trial, double dt, cn_st
             figures[p].wall_force = cn_contact_patch_force(work->surfaces, work->contact, p, work->points,
                                                            figures[p].wall_where, &other);
         }
+    } else if (g->pressed) {
+        cn_stage_penalty_figures(g, dt, figures);
     } else if (work->model->scene->contact.method == CN_CONTACT_PROJECT) {
         project(g, trial, dt, figures);
     }
@@ -423,6 +426,11 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
     }
     if (work->surfaces) place_walls(work, state->time, state->time + dt);
     if (g.strict) begin(&g, dt);
+    if (!g.strict && work->surfaces) { /* what does not meet walls on the way sees where they go to */
+        place_walls(work, state->time + dt, state->time + dt);
+        work->way_left = 0;
+        if (g.pressed && (status = cn_stage_penetrations(&g)) != CN_OK) return status;
+    }
     status = model->integrator == CN_INTEGRATOR_MIDPOINT ? step_midpoint(&g, state->time, figures)
              : model->integrator == CN_INTEGRATOR_TRBDF2 ? step_trbdf2(&g, state->time, dt, figures)
                                                          : step_euler(&g, state->time, figures);
@@ -524,11 +532,13 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
     double most = 0;
     cn_group g;
     group_up(&g, work, state, (cn_state *)trial, path, dt);
-    if (g.strict) {
-        place_walls(work, state->time, state->time);
+    if (work->surfaces) {
+        const double then = g.pressed ? state->time + dt : state->time;
+        place_walls(work, then, then);
         EACH_STAGE(&g, s)
         s->x = s->from->x, s->rotation = s->from->rotation;
-        begin(&g, dt);
+        if (g.strict) begin(&g, dt);
+        if (g.pressed) cn_stage_penetrations(&g);
     }
     EACH_STAGE(&g, s)
     {
@@ -554,6 +564,7 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
             cn_touch(&g, CN_AT_STATE, false, false);
         }
     }
+    if (g.pressed) cn_stage_add_penalty(&g, CN_AT_STATE, false);
     EACH_STAGE(&g, s)
     most = fmax(most, residual_of(s));
     return most;

@@ -116,6 +116,7 @@ static double evaluate(const cn_group *g, cn_where at, int tangent)
                3 * (size_t)(b->nblock > b->nnode ? b->nblock : s->nactive) * sizeof(double));
     }
     if (g->strict) energy = cn_touch(g, at, tangent >= 0, tangent == CN_TANGENT_EXACT);
+    if (g->pressed) energy = cn_stage_add_penalty(g, at, tangent >= 0);
     g->work->energy_size = fabs(energy);
     EACH_STAGE(g, s)
     {
@@ -130,7 +131,7 @@ static double evaluate(const cn_group *g, cn_where at, int tangent)
 void cn_stage_assemble(const cn_group *g)
 {
     cn_group alone = *g;
-    alone.strict = false;
+    alone.strict = alone.pressed = false;
     evaluate(&alone, CN_AT_STATE, CN_TANGENT_PROJECTED);
 }
 

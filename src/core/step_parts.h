@@ -62,14 +62,15 @@ struct cn_work {
     /* contact of all of them; surface s < npart is part s's. NULL: nothing to touch */
     cn_contact_model *surfaces;
     cn_contact *contact;
-    cn_hang *hang;  /* (nsurface) */
-    int *nfree;     /* leading points that take part (nsurface) */
-    double *memory; /* by points of all surfaces (npoint x 3): */
-    double *points; /* where they are, ... */
-    double *trial;  /* ... at a trial, ... */
-    double *motion; /* ... between */
-    double *goal;   /* where walls that move go to */
-    double *begin;  /* where everything was at the step's start */
+    cn_penalty *penalty; /* NULL: another response */
+    cn_hang *hang;       /* (nsurface) */
+    int *nfree;          /* leading points that take part (nsurface) */
+    double *memory;      /* by points of all surfaces (npoint x 3): */
+    double *points;      /* where they are, ... */
+    double *trial;       /* ... at a trial, ... */
+    double *motion;      /* ... between */
+    double *goal;        /* where walls that move go to */
+    double *begin;       /* where everything was at the step's start */
     double *force, *mass;
     double *axis;    /* points of axes to be inside (all nodes x 3) */
     bool moving;     /* a wall goes along a path, ... */
@@ -88,11 +89,14 @@ typedef struct {
     int n;
     cn_stage *stage;
     bool strict;
+    bool pressed; /* penalty's springs act */
 } cn_group;
 
 /* Blocks i of free nodes: their positions, then a rod's rotations. */
 #define EACH_FREE(s, i)  for (int i = 0; i < (s)->last; i = i + 1 == (s)->nfree ? (s)->again : i + 1)
 #define EACH_STAGE(g, s) for (cn_stage *s = (g)->stage; s < (g)->stage + (g)->n; s++)
+
+typedef enum { CN_AT_STATE, CN_AT_TRIAL } cn_where; /* stage->x, or part->trial */
 
 /* --- step_newton.c --- */
 /* Takes the stage's start: every u and x as they are, moved by its part's dx (moved false: not) as far as
@@ -110,8 +114,15 @@ void cn_stage_assemble(const cn_group *g);
 /* What restitution adds to velocities, into every part->ahead. */
 cn_status cn_stage_bounce(const cn_group *g);
 
+/* --- step_penalty.c --- */
+/* Finds what penetrates where the stages are. */
+cn_status cn_stage_penetrations(const cn_group *g);
+/* Energy of the springs; their force into every part->touch; stiff: also into the matrices. */
+double cn_stage_add_penalty(const cn_group *g, cn_where at, bool stiff);
+/* wall_force, and the momentum that forces which are not equal and opposite make up. */
+void cn_stage_penalty_figures(const cn_group *g, double dt, cn_step_figures *figures);
+
 /* --- step_touch.c --- */
-typedef enum { CN_AT_STATE, CN_AT_TRIAL } cn_where; /* stage->x, or part->trial */
 /* Points of all surfaces into `points` (work's), of the bodies at that place. */
 void cn_touch_points(const cn_group *g, cn_where at, double *points);
 /* Contact's energy, its force into every part->touch; stiff: also the matrices (cleared before) and links. */

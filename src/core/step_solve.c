@@ -29,6 +29,7 @@ static bool factor_serves(const cn_stage *s)
 
 bool cn_stage_keeps(const cn_group *g)
 {
+    if (g->pressed && g->work->penalty->nspring) return false;
     if (g->strict && (g->work->contact->nrub || cn_contact_touches(g->work->contact))) return false;
     EACH_STAGE(g, s)
     if (!factor_serves(s)) return false;

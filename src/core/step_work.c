@@ -121,7 +121,10 @@ static cn_status surfaces_new(cn_work *work)
     memcpy(work->trial, work->points, n * sizeof *work->points);
     memcpy(work->goal, work->points, n * sizeof *work->points);
     memcpy(work->begin, work->points, n * sizeof *work->points);
-    return cn_contact_new(&work->contact, work->surfaces);
+    const cn_status made = cn_contact_new(&work->contact, work->surfaces);
+    return made == CN_OK && model->scene->contact.method == CN_CONTACT_PENALTY
+               ? cn_penalty_new(&work->penalty, work->surfaces, work->contact)
+               : made;
 }
 
 cn_status cn_work_new(cn_work **out, const cn_model *model, int first, int nbody, cn_pool *pool,
@@ -154,6 +157,7 @@ void cn_work_free(cn_work *work)
     if (!work) return;
     for (int p = 0; p < work->npart; p++)
         part_clear(&work->part[p]);
+    cn_penalty_free(work->penalty);
     cn_contact_free(work->contact);
     cn_contact_model_free(work->surfaces);
     free(work->hang), free(work->nfree), free(work->memory), free(work->part), free(work->stage);
@@ -162,7 +166,8 @@ void cn_work_free(cn_work *work)
 
 cn_status cn_work_grow(cn_work *work)
 {
-    return work->contact ? cn_contact_grow(work->contact) : CN_OK;
+    const cn_status status = work->penalty ? cn_penalty_grow(work->penalty) : CN_OK;
+    return status == CN_OK && work->contact ? cn_contact_grow(work->contact) : status;
 }
 
 void cn_work_bodies(const cn_work *work, int *first, int *nbody)

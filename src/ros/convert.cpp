@@ -24,6 +24,7 @@ template <class M> void RequestView::look(const M &m)
     request.scene = m.scene.c_str();
     request.budget = m.budget;
     request.seed = m.seed;
+    request.stamp = m.header.stamp.toNSec();
 }
 
 template void RequestView::look(const PlanCatheter::Request &);
@@ -34,13 +35,15 @@ cn_ros_mesh view(const SurfaceMesh &m)
     const auto &s = m.surface;
     return {m.header.frame_id.c_str(),
             m.name.c_str(),
+            m.header.stamp.toNSec(),
             s.vertices.size(),
             s.triangles.size(),
             s.vertices.empty() ? nullptr : &s.vertices[0].x,
-            s.triangles.empty() ? nullptr : s.triangles[0].vertex_indices.data()};
+            s.triangles.empty() ? nullptr : s.triangles[0].vertex_indices.data(),
+            nullptr};
 }
 
-static geometry_msgs::Point point(const double *x)
+geometry_msgs::Point point(const double *x)
 {
     geometry_msgs::Point p;
     p.x = x[0], p.y = x[1], p.z = x[2];
@@ -205,13 +208,14 @@ visualization_msgs::Marker marker(const char *ns, unsigned id, int type)
     return m;
 }
 
-visualization_msgs::Marker arteryMarker(const char *name, unsigned id, const cn_surface &surface)
+visualization_msgs::Marker arteryMarker(const char *name, unsigned id, const cn_surface &surface, int stride)
 {
     auto m = marker(name, id, visualization_msgs::Marker::TRIANGLE_LIST);
     m.color.r = 0.85f, m.color.g = 0.35f, m.color.b = 0.3f, m.color.a = 0.3f;
-    m.points.reserve(3 * size_t(surface.ntri));
-    for (int i = 0; i < 3 * surface.ntri; i++)
-        m.points.push_back(point(surface.vert + 3 * surface.tri[i]));
+    m.points.reserve(3 * size_t(surface.ntri / stride + 1));
+    for (int i = 0; i < surface.ntri; i += stride)
+        for (int k = 0; k < 3; k++)
+            m.points.push_back(point(surface.vert + 3 * surface.tri[3 * i + k]));
     return m;
 }
 
@@ -239,10 +243,11 @@ static std_msgs::ColorRGBA colour(double ratio)
 }
 
 visualization_msgs::Marker catheterMarker(const char *name, unsigned id, int nactive, int ntri,
-                                          const int *tri, const double *x, const float *stress, double full)
+                                          const int *tri, int stride, const double *x, const float *stress,
+                                          double full)
 {
     auto m = marker(name, id, visualization_msgs::Marker::TRIANGLE_LIST);
-    for (int i = 0; i < ntri; i++) {
+    for (int i = 0; i < ntri; i += stride) {
         const int *v = tri + 3 * i;
         if (std::max({v[0], v[1], v[2]}) >= nactive) continue;
         for (int k = 0; k < 3; k++) {

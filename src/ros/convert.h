@@ -28,6 +28,7 @@ struct RequestView {
 };
 cn_ros_mesh view(const SurfaceMesh &message);
 
+geometry_msgs::Point point(const double *x);
 Verdict toMessage(const cn_verdict &verdict);
 nav_msgs::Path toMessage(const cn_path &path);
 void toMessage(const cn_ros_answer &answer, PlanCatheter::Response &message);
@@ -39,8 +40,9 @@ MeshTopology topology(const char *name, unsigned id, int ntet, const int *tet, i
 MeshState state(unsigned id, int step, double time, int nvert, const double *x, const float *stress);
 
 visualization_msgs::Marker marker(const char *ns, unsigned id, int type);
-visualization_msgs::Marker arteryMarker(const char *name, unsigned id, const cn_surface &surface);
+visualization_msgs::Marker arteryMarker(const char *name, unsigned id, const cn_surface &surface, int stride);
 visualization_msgs::Marker roadmapMarker(unsigned id, const cn_roadmap &roadmap);
 visualization_msgs::Marker catheterMarker(const char *name, unsigned id, int nactive, int ntri,
-                                          const int *tri, const double *x, const float *stress, double full);
+                                          const int *tri, int stride, const double *x, const float *stress,
+                                          double full);
 } // namespace catnav

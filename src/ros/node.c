@@ -10,9 +10,9 @@
 #include "node_parts.h"
 
 /* Parameters that are the node's, not the scene's; what ends with a dot stands for all that is below it. */
-static const char *const own_params[] = {"scene",        "scene_dir",  "frame_rate", "frame_id",
-                                         "on_busy",      "queue_size", "settings.",  "diagnostic_period",
-                                         "plan_action.", NULL};
+static const char *const own_params[] = {
+    "scene",         "scene_dir", "frame_rate",        "frame_id",     "on_busy", "queue_size",
+    "triangles_max", "settings.", "diagnostic_period", "plan_action.", NULL};
 
 /* --- life --- */
 
@@ -20,6 +20,16 @@ static void log_to_ros(void *user, cn_log_level level, const char *file, int lin
 {
     (void)user;
     cn_ros_log(level, file, line, text);
+}
+
+void on_tune(void *user, const cn_ros_tuning *tuning)
+{
+    cn_node *node = user;
+    const double rate = tuning->frame_rate > 0 ? tuning->frame_rate : node->own_rate;
+    pthread_mutex_lock(&node->lock);
+    node->tuning = *tuning;
+    node->frame_period = 1 / rate;
+    pthread_mutex_unlock(&node->lock);
 }
 
 /* ~on_busy and ~queue_size: what becomes of a call while another is open. */
@@ -40,8 +50,16 @@ static cn_status read_queue(cn_node *node, cn_error *error)
 cn_status cn_node_new(cn_node **out, int argc, char **argv, const volatile sig_atomic_t *stop,
                       cn_error *error)
 {
-    const cn_ros_handlers handlers = {
-        .mesh = on_mesh, .plan = on_plan, .cancel = on_cancel, .tick = on_tick, .feedback = on_feedback};
+    const cn_ros_handlers handlers = {.mesh = on_mesh,
+                                      .plan = on_plan,
+                                      .cancel = on_cancel,
+                                      .status = on_status,
+                                      .feedback = on_feedback,
+                                      .click = on_click,
+                                      .mark = on_mark,
+                                      .save = on_save,
+                                      .load = on_load,
+                                      .tune = on_tune};
     cn_ros_handlers bound = handlers;
     cn_node *node;
     cn_status status;
@@ -50,7 +68,9 @@ cn_status cn_node_new(cn_node **out, int argc, char **argv, const volatile sig_a
     if (!(node = calloc(1, sizeof *node))) return cn_fail(error, CN_ERR_MEMORY, "", 0, "out of memory");
     pthread_mutex_init(&node->lock, NULL);
     pthread_cond_init(&node->called, NULL);
+    pthread_cond_init(&node->mesh_came, NULL);
     node->stop = stop;
+    node->tuning = (cn_ros_tuning){-1, -1, -1, -1, -1, {{-1, -1}, {-1, -1}, {-1, -1}, {-1, -1}, {-1, -1}}};
     const long cpus = sysconf(_SC_NPROCESSORS_ONLN);
     node->threads = cpus > 1 ? (int)cpus : 1;
     if ((status = cn_ros_new(&node->ros, argc, argv, "catnav", stop, error)) != CN_OK) goto fail;
@@ -65,14 +85,21 @@ cn_status cn_node_new(cn_node **out, int argc, char **argv, const volatile sig_a
             cn_fail(error, CN_ERR_ARG, "", 0, "~frame_rate is %g: expected frames a second above 0", rate);
         goto fail;
     }
-    node->frame_period = 1 / rate;
+    node->own_rate = rate, node->frame_period = 1 / rate;
+    const double triangles = cn_ros_number(node->ros, "triangles_max", 200000);
+    if (!(triangles >= 1 && triangles <= INT_MAX)) {
+        status =
+            cn_fail(error, CN_ERR_ARG, "", 0, "~triangles_max is %g: expected a count above 0", triangles);
+        goto fail;
+    }
+    node->triangles = (int)triangles;
     if ((status = read_queue(node, error)) != CN_OK) goto fail;
     if ((status = cn_ros_settings(node->ros, own_params, &node->nsetting, &node->setting)) != CN_OK)
         goto fail;
 
     bound.user = node;
     node->checking = 1; /* the scene itself, by stage_first */
-    if ((status = queue_start(node)) != CN_OK) goto fail;
+    if ((status = queue_start(node)) != CN_OK || (status = meshes_start(node)) != CN_OK) goto fail;
     if ((status = cn_ros_start(node->ros, &bound, node->queue, error)) != CN_OK) goto fail;
     stage_first(node);
     *out = node;
@@ -93,12 +120,17 @@ void cn_node_free(cn_node *node)
 {
     if (!node) return;
     queue_stop(node); /* waits for the plan under way, which ends at its next step */
+    meshes_stop(node);
     cn_ros_free(node->ros);
+    for (int i = 0; i < node->ncame; i++)
+        cn_ros_mesh_free(node->came[i]);
     cn_log_set_sink(NULL, NULL);
     stage_free(node->stage);
+    stage_free(node->foreign);
     meshes_free(node->nmesh, node->mesh);
     cn_ros_settings_free(node->nsetting, node->setting);
     pthread_cond_destroy(&node->called);
+    pthread_cond_destroy(&node->mesh_came);
     pthread_mutex_destroy(&node->lock);
     free(node);
 }

@@ -62,7 +62,8 @@ void stage_show(cn_node *node, const stage *s, const char *frame)
     const double *x, *clearance;
     cn_ros_forget_arteries(node->ros);
     for (int i = 0; i < s->world->nwall; i++)
-        cn_ros_send_artery(node->ros, frame, s->world->wall[i].name, (unsigned)i, s->world->wall[i].surface);
+        cn_ros_send_artery(node->ros, frame, s->world->wall[i].name, (unsigned)i, s->world->wall[i].surface,
+                           marker_stride(node, s->world->wall[i].surface->ntri));
     if (s->world->map) {
         const int n = cn_map_ridge(s->world->map, &x, &clearance);
         cn_ros_send_medial_axis(node->ros, frame, n, x, clearance);
@@ -146,45 +147,140 @@ static void put_in_force(cn_node *node, stage *fresh, const char *what, const cn
         snprintf(refusal, sizeof refusal, "%s refused: %s", what, error->message);
     if (refusal[0]) CN_LOG(CN_LOG_ERROR, "%s", refusal);
     pthread_mutex_lock(&node->lock);
-    if (fresh) old = node->stage, node->stage = fresh;
+    if (fresh) old = node->stage, node->stage = fresh, node->marks_changed = true;
     memcpy(node->refusal, refusal, sizeof refusal);
     node->checking--;
     pthread_mutex_unlock(&node->lock);
     stage_drop(node, old);
 }
 
-/* Checks a mesh at the door and, if it is good, puts it in force in one stroke; else all stays as it was. */
-void on_mesh(void *user, const cn_ros_mesh *mesh)
+/* A mesh in a frame that tf cannot bring into the node's: refused, but kept for calls in that very frame. */
+static void keep_foreign(cn_node *node, const cn_ros_mesh *mesh, const char *name, const cn_surface *surface,
+                         cn_error *error)
 {
-    cn_node *node = user;
+    const cn_replacement one = {name, surface};
+    cn_error inner = {0};
+    stage *fresh, *old;
+
+    if (stage_new(&fresh, node, node->scene_file, 1, &one, mesh->frame, &inner) != CN_OK) return;
+    if (fresh->scene->nvessel > 1) { /* the other vessels are in the node's frame */
+        stage_free(fresh);
+        return;
+    }
+    const size_t used = strlen(error->message);
+    snprintf(error->message + used, sizeof error->message - used, "; calls in frame '%.60s' can use it",
+             mesh->frame);
+    pthread_mutex_lock(&node->lock);
+    old = node->foreign, node->foreign = fresh, fresh->refs++;
+    const bool alone = !node->stage;
+    pthread_mutex_unlock(&node->lock);
+    if (alone) stage_show(node, fresh, mesh->frame);
+    stage_drop(node, fresh);
+    stage_drop(node, old);
+}
+
+static void forget_foreign(cn_node *node)
+{
+    pthread_mutex_lock(&node->lock);
+    stage *old = node->foreign;
+    node->foreign = NULL;
+    pthread_mutex_unlock(&node->lock);
+    stage_drop(node, old);
+}
+
+/* Checks a mesh at the door and, if it is good, puts it in force in one stroke; else all stays as it was. */
+static void check_mesh(cn_node *node, const cn_ros_mesh *mesh)
+{
     cn_error error = {0};
     cn_surface *surface = NULL;
     cn_replacement *meshes = NULL;
+    cn_ros_motion motion;
     stage *fresh = NULL;
     char *name = NULL;
     int n = 0;
 
-    pthread_mutex_lock(&node->lock);
-    node->checking++;
-    pthread_mutex_unlock(&node->lock);
-
-    const char *frame = mesh->frame[0] ? mesh->frame : node->frame;
     if (surface_of(&surface, mesh, &error) != CN_OK) goto done;
+    if (frames_join(node, mesh->frame, node->frame, mesh->stamp, &motion, &error) != CN_OK) {
+        keep_foreign(node, mesh, mesh->name, surface, &error);
+        goto done;
+    }
+    frames_move(&motion, surface->nvert, surface->vert);
     if (!(name = strdup(mesh->name)) || meshes_with(node, name, surface, &meshes, &n) != CN_OK) {
         cn_fail(&error, CN_ERR_MEMORY, "", 0, "out of memory");
         goto done;
     }
-    if (stage_new(&fresh, node, node->scene_file, n, meshes, mesh->frame, &error) != CN_OK) goto done;
+    if (stage_new(&fresh, node, node->scene_file, n, meshes, mesh->frame[0] ? node->frame : "", &error) !=
+        CN_OK)
+        goto done;
 
     meshes_keep(node, meshes, n, fresh->scene->nvessel == 1);
     name = NULL, surface = NULL, meshes = NULL;
-    stage_show(node, fresh, frame);
+    forget_foreign(node);
+    stage_show(node, fresh, node->frame);
     CN_LOG(CN_LOG_INFO, "artery mesh accepted: %zu vertices, %zu triangles", mesh->nvert, mesh->ntri);
 done:
     put_in_force(node, fresh, "artery mesh", &error);
     free(name);
     free(meshes);
     cn_surface_free(surface);
+}
+
+/* Takes a mesh; one of the same name that still waits makes room for it, or the oldest does: counted. */
+void on_mesh(void *user, cn_ros_mesh *mesh)
+{
+    cn_node *node = user;
+    cn_ros_mesh *dropped = NULL;
+    int at = 0;
+
+    pthread_mutex_lock(&node->lock);
+    while (at < node->ncame && strcmp(node->came[at]->name, mesh->name))
+        at++;
+    if (at == MESHES_MOST) at = 0;
+    if (at < node->ncame) {
+        dropped = node->came[at];
+        node->ncame--, node->checking--, node->meshes_dropped++;
+        memmove(node->came + at, node->came + at + 1, (size_t)(node->ncame - at) * sizeof *node->came);
+    }
+    node->came[node->ncame++] = mesh, node->checking++;
+    pthread_cond_signal(&node->mesh_came);
+    pthread_mutex_unlock(&node->lock);
+    cn_ros_mesh_free(dropped);
+}
+
+static void *check_meshes(void *user)
+{
+    cn_node *node = user;
+    pthread_mutex_lock(&node->lock);
+    for (;;) {
+        while (node->ncame == 0 && !node->leaving)
+            pthread_cond_wait(&node->mesh_came, &node->lock);
+        if (node->leaving) break;
+        cn_ros_mesh *mesh = node->came[0];
+        memmove(node->came, node->came + 1, (size_t)--node->ncame * sizeof *node->came);
+        pthread_mutex_unlock(&node->lock);
+        check_mesh(node, mesh);
+        cn_ros_mesh_free(mesh);
+        pthread_mutex_lock(&node->lock);
+    }
+    pthread_mutex_unlock(&node->lock);
+    return NULL;
+}
+
+cn_status meshes_start(cn_node *node)
+{
+    if (pthread_create(&node->checker, NULL, check_meshes, node)) return CN_ERR_MEMORY;
+    node->is_checking = true;
+    return CN_OK;
+}
+
+void meshes_stop(cn_node *node)
+{
+    pthread_mutex_lock(&node->lock);
+    node->leaving = true;
+    pthread_cond_broadcast(&node->mesh_came);
+    pthread_mutex_unlock(&node->lock);
+    if (node->is_checking) pthread_join(node->checker, NULL);
+    node->is_checking = false;
 }
 
 void stage_first(cn_node *node)

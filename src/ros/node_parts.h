@@ -18,7 +18,7 @@ typedef struct {
     int refs;
     cn_scene *scene;
     cn_world *world;
-    char frame[64]; /* that its mesh came in, "" where the sender named none */
+    char frame[64]; /* of its coordinates, "" where the sender of the mesh named none */
 } stage;
 
 /* A deforming body in the plan under way. */
@@ -30,7 +30,7 @@ typedef struct {
     /* of the skin it wears; NULL: none */
     unsigned skin_id;
     float *skin_stress; /* per vertex [Pa] */
-    float *node_stress; /* of what it hangs on (nnode) [Pa] */
+    double *scratch;    /* stress of nodes and vertices [Pa] (nnode + nvert) */
     int *hangs_on;      /* the first anchor of each vertex */
     int *skin_tri;      /* triangles out of the sheath (ntri x 3) */
 } shown;
@@ -41,7 +41,8 @@ typedef struct {
     const cn_ros_request *request;
 } ticket;
 
-enum { QUEUE_MOST = 64, MARGINS_MOST = 32 };
+#define OWN_CALL ULONG_MAX /* the node's own call: ROS does not know it */
+enum { QUEUE_MOST = 64, MARGINS_MOST = 32, MESHES_MOST = 8 };
 
 struct cn_node {
     cn_ros *ros;
@@ -49,7 +50,8 @@ struct cn_node {
     volatile sig_atomic_t cancel; /* the plan under way must end */
     int threads;
     char scene_file[PATH_MAX], scene_dir[PATH_MAX], frame[64];
-    double frame_period; /* [s] */
+    double own_rate; /* ~frame_rate [1/s] */
+    int triangles;   /* most of a marker */
     int nsetting;
     cn_setting *setting;
 
@@ -62,18 +64,37 @@ struct cn_node {
     bool leaving;      /* no call is taken any more */
     int nqueue, queue; /* calls that wait; most of them: 0 where a call is refused while another is open */
     ticket waiting[QUEUE_MOST];
-    ticket now;         /* worked on */
-    bool open;          /* and not yet answered */
-    bool preparing;     /* its scene and map are made, which nothing can cut short */
-    char refusal[1024]; /* why the last mesh or the scene was refused, "" when it was not */
-    int frames_sent, frames_dropped, frames_tick; /* frames_tick: sent up to the last tick */
-    cn_progress progress;                         /* of the call worked on */
+    ticket now;                      /* worked on */
+    bool open;                       /* and not yet answered */
+    bool preparing;                  /* its scene and map are made, which nothing can cut short */
+    char refusal[1024];              /* why the last mesh or the scene was refused, "" when it was not */
+    double frame_period;             /* [s] */
+    int frames_sent, frames_dropped; /* dropped on purpose: more often than ~frame_rate */
+    int frames_told;                 /* sent when diagnostics were last filled, */
+    double told;                     /* at this time [s] */
+    long triangles_left_out;
+    int meshes_dropped, calls_refused;
+    cn_ros_tuning tuning;
+    stage *foreign; /* of the last mesh in a frame that tf cannot bring into the node's; NULL: none */
+    int nmark;      /* waypoints set by mouse, in the node's frame */
+    double mark[3 * MARKS_MOST];
+    bool marks_changed;
+    bool own_open; /* a call of the node's own, through them, is not yet answered */
+    cn_ros_request own;
+    double own_point[3 * MARKS_MOST];
+    cn_progress progress; /* of the call worked on */
     double progress_at, real_time_factor;
     int nmargin;
     cn_ros_margin margin[MARGINS_MOST];
     char verdict[32];
 
-    /* of the mesh callback alone */
+    pthread_t checker; /* of meshes */
+    bool is_checking;  /* the thread is there */
+    pthread_cond_t mesh_came;
+    int ncame;
+    cn_ros_mesh *came[MESHES_MOST]; /* waiting to be checked: one of a name, the newest */
+
+    /* of the checker alone */
     int nmesh;
     cn_replacement *mesh; /* in force, the node's own */
 
@@ -96,17 +117,41 @@ void stage_show(cn_node *node, const stage *s, const char *frame);
 /* A scene without vessels has no artery to wait for; any other waits for its mesh. A scene that cannot be
  * read is refused now and at every mesh. */
 void stage_first(cn_node *node);
-void on_mesh(void *node, const cn_ros_mesh *mesh);
+cn_status meshes_start(cn_node *node);
+void meshes_stop(cn_node *node);
+void on_mesh(void *node, cn_ros_mesh *mesh);
 void meshes_free(int n, cn_replacement *mesh);
+
+/* --- node_frames.c --- */
+bool frames_same(const char *a, const char *b);
+/* What brings points from one frame into another; rests where `from` is empty or the same. */
+cn_status frames_join(cn_node *node, const char *from, const char *to, uint64_t stamp, cn_ros_motion *motion,
+                      cn_error *error);
+void frames_move(const cn_ros_motion *motion, int n, double *points);
+void frames_inverse(const cn_ros_motion *motion, cn_ros_motion *inverse);
+void frames_move_answer(const cn_ros_motion *motion, cn_ros_answer *answer);
+
+/* --- node_marks.c: waypoints set by mouse --- */
+void on_click(void *node, const char *frame, const double point[3]);
+void on_mark(void *node, cn_ros_mark_event event, int at, const char *frame, const double point[3]);
+void on_save(void *node, const char *scene, cn_ros_file_reply *reply);
+void on_load(void *node, const char *scene, cn_ros_file_reply *reply);
+void marks_show(cn_node *node); /* if they, or the lumen, have changed since */
 
 /* --- node_request.c: what a request may ask --- */
 /* The scene a request names: inside ~scene_dir, whatever links and dots say. */
 cn_status scene_inside(const cn_node *node, const char *scene, char path[PATH_MAX], cn_error *error);
+/* The folder a scene that is not there yet would lie in: it exists, inside ~scene_dir. */
+cn_status folder_inside(const cn_node *node, const char *scene, char folder[PATH_MAX], cn_error *error);
 cn_status sampling_of(const char *text, cn_sampling *sampling, cn_error *error);
 
-/* Limits that a request lays over the scene's for one plan: the device's go with the request, those of other
- * bodies and walls stand in the scene meanwhile. The scene is this plan's alone: one plan runs at a time. */
+/* What the run-time settings and a request lay over the scene for one plan: the device's limits go with the
+ * request, all else stands in the scene meanwhile. The scene is this plan's alone: one plan runs at a time.
+ */
 typedef struct {
+    cn_scene *scene;
+    double step, time_limit, budget; /* the scene's own */
+    int replans;
     int ndevice;
     cn_limit *device;
     int nlent;
@@ -115,7 +160,8 @@ typedef struct {
         cn_limit **list, *old;
     } * lent;
 } overlay;
-cn_status overlay_new(overlay *o, cn_scene *scene, const cn_ros_request *request, cn_error *error);
+cn_status overlay_new(overlay *o, cn_scene *scene, const cn_ros_tuning *tuning, const cn_ros_request *request,
+                      cn_error *error);
 void overlay_end(overlay *o); /* the scene is as it was */
 
 /* --- node_queue.c: calls, one after the other --- */
@@ -130,13 +176,17 @@ void plan_call(cn_node *node, const cn_ros_request *request, cn_ros_answer *answ
 void answer_with(cn_ros_answer *answer, const cn_scene *scene, cn_verdict_code code, const cn_error *error);
 /* The report as JSON; under `repeat` what the same plan takes: seed, options, versions, checksums. */
 char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *request,
-                  const cn_report *report);
+                  const cn_ros_tuning *tuning, const cn_report *report);
 
 /* --- node_show.c: frames and diagnostics --- */
+/* Every how manieth triangle of a surface is shown so that they are at most ~triangles_max; counts the rest.
+ */
+int marker_stride(cn_node *node, int ntri);
 bool wants_frame(cn_node *node, int step);
 void show_frame(cn_node *node, const cn_frame *frame);
 void forget_shown(cn_node *node);
-void on_tick(void *node);
+void on_status(void *node, cn_ros_status *status);
+void on_tune(void *node, const cn_ros_tuning *tuning);
 double wall_clock(void); /* [s], never goes back */
 
 #endif

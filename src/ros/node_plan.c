@@ -64,7 +64,8 @@ void answer_with(cn_ros_answer *answer, const cn_scene *scene, cn_verdict_code c
 }
 
 /* Answers one request in a stage that is this plan's. */
-static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cn_ros_answer *answer)
+static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, const cn_ros_tuning *tuning,
+                    cn_ros_answer *answer)
 {
     const cn_run_hooks base = {.wants_frame = run_wants_frame,
                                .frame = run_frame,
@@ -75,7 +76,7 @@ static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cn_r
     cn_request ask = {.nwaypoint = request->nwaypoint,
                       .waypoint = request->waypoint,
                       .budget = request->budget,
-                      .seed = &request->seed};
+                      .seed = request->scene_seed ? NULL : &request->seed};
     run r = {.node = node};
     cn_run_hooks hooks = base;
     cn_sampling sampling;
@@ -83,12 +84,6 @@ static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cn_r
     overlay limits = {0};
 
     hooks.user = &r;
-    if (s->frame[0] && request->frame[0] && strcmp(s->frame, request->frame)) {
-        cn_fail(&error, CN_ERR_ARG, "", 0,
-                "waypoints are in frame '%s', the artery mesh in '%s': send both in one frame",
-                request->frame, s->frame);
-        goto refused;
-    }
     if (!(request->budget >= 0 && request->budget < INFINITY)) {
         cn_fail(&error, CN_ERR_ARG, "", 0, "budget is %g s: expected 0 or more", request->budget);
         goto refused;
@@ -107,7 +102,7 @@ static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cn_r
         if (sampling_of(request->sampling, &sampling, &error) != CN_OK) goto refused;
         ask.sampling = &sampling;
     }
-    if (overlay_new(&limits, s->scene, request, &error) != CN_OK) goto refused;
+    if (overlay_new(&limits, s->scene, tuning, request, &error) != CN_OK) goto refused;
     ask.nlimit = limits.ndevice, ask.limit = limits.device;
 
     cn_ros_forget_bodies(node->ros);
@@ -138,19 +133,34 @@ static stage *await_stage(cn_node *node)
     }
 }
 
-/* A stage for a request: the node's own, or a scene's inside ~scene_dir with its own vessels. */
-static stage *stage_for(cn_node *node, const cn_ros_request *request, cn_ros_answer *answer)
+/* The stage of the last mesh that tf could not bring into the node's frame, if the call is in its frame. */
+static stage *foreign_stage(cn_node *node, const char *frame)
+{
+    pthread_mutex_lock(&node->lock);
+    stage *s = node->foreign;
+    if (s && frames_same(s->frame, frame))
+        s->refs++;
+    else
+        s = NULL;
+    pthread_mutex_unlock(&node->lock);
+    return s;
+}
+
+/* A stage for a request: the node's own, or a scene's inside ~scene_dir with its own vessels; and what brings
+ * the request's points into its frame. */
+static stage *stage_for(cn_node *node, const cn_ros_request *request, cn_ros_answer *answer,
+                        cn_ros_motion *into)
 {
     char file[PATH_MAX];
     cn_error error = {0};
     cn_verdict_code code = CN_VERDICT_BAD_INPUT;
-    stage *s = NULL;
+    stage *s = NULL, *foreign;
 
+    frames_join(node, "", "", 0, into, NULL);
     if (request->scene[0]) {
-        if (scene_inside(node, request->scene, file, &error) == CN_OK &&
-            stage_new(&s, node, file, 0, NULL, "", &error) == CN_OK)
-            stage_show(node, s, answer->frame);
-    } else if (!(s = await_stage(node))) {
+        if (scene_inside(node, request->scene, file, &error) == CN_OK)
+            stage_new(&s, node, file, 0, NULL, "", &error);
+    } else if (!(s = await_stage(node)) && !(s = foreign_stage(node, answer->frame))) {
         pthread_mutex_lock(&node->lock);
         if (node->refusal[0]) {
             cn_fail(&error, CN_ERR_MESH, "", 0, "%s", node->refusal);
@@ -160,7 +170,25 @@ static stage *stage_for(cn_node *node, const cn_ros_request *request, cn_ros_ans
         }
         pthread_mutex_unlock(&node->lock);
     }
+    /* what came without a frame is in the node's where tf knows the call's, else in the call's */
+    if (s && frames_join(node, answer->frame, s->frame[0] ? s->frame : node->frame, request->stamp, into,
+                         &error) != CN_OK) {
+        if (!s->frame[0]) {
+            frames_join(node, "", "", 0, into, NULL);
+        } else {
+            foreign = foreign_stage(node, answer->frame);
+            if (foreign) frames_join(node, "", "", 0, into, NULL);
+            stage_drop(node, s);
+            s = foreign;
+        }
+    }
     if (!s) answer_with(answer, NULL, code, &error);
+    if (s)
+        snprintf(node->run_frame, sizeof node->run_frame, "%s",
+                 into->rest    ? answer->frame
+                 : s->frame[0] ? s->frame
+                               : node->frame);
+    if (s && request->scene[0]) stage_show(node, s, node->run_frame);
     return s;
 }
 
@@ -174,34 +202,63 @@ static bool preparing(cn_node *node, bool now)
     return cancelled;
 }
 
+/* Plans with the request's points brought into the stage's frame, and the answer's back. */
+static void plan_moved(cn_node *node, stage *s, const cn_ros_request *request, const cn_ros_motion *into,
+                       const cn_ros_tuning *tuning, cn_ros_answer *answer)
+{
+    const size_t size = 3 * (size_t)request->nwaypoint * sizeof(double);
+    cn_ros_request moved = *request;
+    cn_ros_motion back;
+    double *points = malloc(size + 1);
+
+    if (!points) {
+        cn_error error = {0};
+        cn_fail(&error, CN_ERR_MEMORY, "", 0, "out of memory");
+        answer_with(answer, s->scene, CN_VERDICT_NUMERICS, &error);
+        return;
+    }
+    if (request->nwaypoint > 0) memcpy(points, request->waypoint, size);
+    frames_move(into, request->nwaypoint, points);
+    moved.waypoint = points;
+    plan_in(node, s, &moved, tuning, answer);
+    frames_inverse(into, &back);
+    frames_move_answer(&back, answer);
+    free(points);
+}
+
 void plan_call(cn_node *node, const cn_ros_request *request, cn_ros_answer *answer)
 {
     cn_verdict *verdict = &answer->report.verdict;
     cn_error error = {0};
+    cn_ros_motion into;
     stage *s = NULL;
 
     snprintf(answer->frame, sizeof answer->frame, "%s", request->frame[0] ? request->frame : node->frame);
+    snprintf(node->run_frame, sizeof node->run_frame, "%s", answer->frame);
     bool cancelled = preparing(node, true);
-    if (!cancelled) s = stage_for(node, request, answer);
+    if (!cancelled) s = stage_for(node, request, answer, &into);
     cancelled |= preparing(node, false);
+    pthread_mutex_lock(&node->lock);
+    const cn_ros_tuning tuning = node->tuning;
+    pthread_mutex_unlock(&node->lock);
     if (cancelled) {
         cn_report_clear(&answer->report);
         cn_fail(&error, CN_ERR_CANCELLED, "", 0, "cancelled before the first step");
         answer_with(answer, NULL, CN_VERDICT_CANCELLED, &error);
     } else if (s) {
-        snprintf(node->run_frame, sizeof node->run_frame, "%s", answer->frame);
-        plan_in(node, s, request, answer);
+        plan_moved(node, s, request, &into, &tuning, answer);
     }
 
     pthread_mutex_lock(&node->lock);
-    if (s && node->refusal[0] && !request->scene[0]) { /* the answer is for an older mesh: say so */
+    if (s && s != node->foreign && node->refusal[0] &&
+        !request->scene[0]) { /* the answer is for an older mesh */
         const size_t used = strlen(verdict->message);
         snprintf(verdict->message + used, sizeof verdict->message - used,
                  " (on the last good artery mesh; later: %.400s)", node->refusal);
     }
     snprintf(node->verdict, sizeof node->verdict, "%s", cn_verdict_name(verdict->code));
     pthread_mutex_unlock(&node->lock);
-    answer->json = answer_json(node, s, request, &answer->report);
+    answer->json = answer_json(node, s, request, &tuning, &answer->report);
     stage_drop(node, s);
     CN_LOG(CN_LOG_INFO, "%s: %s", cn_verdict_name(verdict->code), verdict->message);
 }

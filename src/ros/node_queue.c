@@ -18,6 +18,18 @@ static void answer_at_once(cn_node *node, cn_ros_call call, const char *frame, c
     cn_ros_send_answer(node->ros, call, &answer);
 }
 
+/* The request of a call is no longer needed. */
+static void end_call(cn_node *node, cn_ros_call call)
+{
+    if (call != OWN_CALL) {
+        cn_ros_end_call(node->ros, call);
+        return;
+    }
+    pthread_mutex_lock(&node->lock);
+    node->own_open = false;
+    pthread_mutex_unlock(&node->lock);
+}
+
 void on_plan(void *user, cn_ros_call call, const cn_ros_request *request)
 {
     cn_node *node = user;
@@ -40,10 +52,12 @@ void on_plan(void *user, cn_ros_call call, const cn_ros_request *request)
                  "another plan is running and %d wait, as many as ~queue_size allows: ask again later",
                  node->nqueue);
     }
+    node->calls_refused += !taken && !leaving;
     pthread_mutex_unlock(&node->lock);
     if (taken) return;
+    if (call == OWN_CALL) CN_LOG(CN_LOG_WARNING, "%s", why);
     answer_at_once(node, call, request->frame, leaving ? CN_VERDICT_CANCELLED : CN_VERDICT_BUSY, why);
-    cn_ros_end_call(node->ros, call);
+    end_call(node, call);
 }
 
 void on_cancel(void *user, cn_ros_call call)
@@ -67,7 +81,7 @@ void on_cancel(void *user, cn_ros_call call)
     if (!found.call) return;
     answer_at_once(node, call, found.request->frame, CN_VERDICT_CANCELLED,
                    ended ? "cancelled while it waited for its turn" : "cancelled before the first step");
-    if (ended) cn_ros_end_call(node->ros, call);
+    if (ended) end_call(node, call);
 }
 
 static void *work(void *user)
@@ -97,7 +111,7 @@ static void *work(void *user)
             cn_ros_send_answer(node->ros, now.call, &answer);
         else
             cn_ros_answer_clear(&answer);
-        cn_ros_end_call(node->ros, now.call);
+        end_call(node, now.call);
         pthread_mutex_lock(&node->lock);
     }
     pthread_mutex_unlock(&node->lock);
@@ -118,6 +132,7 @@ void on_feedback(void *user)
     const int n = node->nmargin;
     memcpy(margin, node->margin, (size_t)n * sizeof *margin);
     pthread_mutex_unlock(&node->lock);
+    marks_show(node);
     if (open) cn_ros_send_feedback(node->ros, call, &progress, stages[progress.stage], factor, n, margin);
 }
 

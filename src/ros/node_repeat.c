@@ -53,6 +53,24 @@ static json_t *options(const cn_node *node)
     return list;
 }
 
+/* The run-time settings that are not the scene's. */
+static json_t *tuned(const cn_ros_tuning *t)
+{
+    json_t *list = json_object();
+    if (t->step > 0) json_object_set_new(list, "step", number(t->step));
+    if (t->time_limit > 0) json_object_set_new(list, "time_limit", number(t->time_limit));
+    if (t->budget > 0) json_object_set_new(list, "planner_budget", number(t->budget));
+    if (t->replans >= 0) json_object_set_new(list, "planner_replans", json_integer(t->replans));
+    for (int q = 0; q < CN_QUANTITY_PROGRESS; q++)
+        for (int r = 0; r < 2; r++) {
+            char key[64];
+            if (!(t->limit[q][r] >= 0)) continue;
+            snprintf(key, sizeof key, "limit_%s_%s", cn_quantity_name((cn_quantity)q), r ? "mean" : "max");
+            json_object_set_new(list, key, number(t->limit[q][r]));
+        }
+    return list;
+}
+
 static json_t *asked(const cn_ros_request *r)
 {
     json_t *points = json_array(), *limits = json_array();
@@ -70,7 +88,8 @@ static json_t *asked(const cn_ros_request *r)
                      (json_int_t)r->seed, "scene", text(r->scene));
 }
 
-char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *request, const cn_report *report)
+char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *request,
+                  const cn_ros_tuning *tuning, const cn_report *report)
 {
     json_t *versions = json_object(), *root = NULL, *repeat;
     char *plain = cn_report_json(report), *json = NULL;
@@ -79,10 +98,10 @@ char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *req
     for (const cn_ros_version *v = cn_ros_versions(); v->what; v++)
         json_object_set_new(versions, v->what, text(v->version));
     json_object_set_new(versions, "catnav", text(CATNAV_VERSION));
-    repeat = json_pack("{s:I, s:o, s:o, s:o, s:o, s:o, s:o}", "seed", (json_int_t)request->seed, "versions",
-                       versions, "scene", text(s ? s->scene->path : node->scene_file), "frame",
-                       text(node->run_frame), "request", asked(request), "options", options(node), "walls",
-                       walls(s));
+    repeat = json_pack("{s:I, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "seed", (json_int_t)report->seed,
+                       "versions", versions, "scene", text(s ? s->scene->path : node->scene_file), "frame",
+                       text(node->run_frame), "request", asked(request), "options", options(node), "settings",
+                       tuned(tuning), "walls", walls(s));
     if (root && repeat && !json_object_set(root, "repeat", repeat)) json = json_dumps(root, JSON_INDENT(2));
     json_decref(repeat);
     json_decref(root);

@@ -1,21 +1,56 @@
-/* node_request.c - what a request may ask: sampling, limits on what exists, a scene in its folder. */
+/* node_request.c - what a request may ask: sampling, limits on what exists, a scene in its folder; and what
+ * the run-time settings say. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include "node_parts.h"
 
+/* True when a resolved path lies below ~scene_dir or (`itself`) is it. */
+static bool is_inside(const cn_node *node, const char *path, bool itself)
+{
+    char folder[PATH_MAX];
+    if (!realpath(node->scene_dir, folder)) return false;
+    const size_t length = strcmp(folder, "/") ? strlen(folder) : 0;
+    return !strncmp(path, folder, length) && (path[length] == '/' || (itself && !path[length]));
+}
+
+static cn_status join(const cn_node *node, const char *scene, char joined[PATH_MAX], cn_error *error)
+{
+    if (!node->scene_dir[0])
+        return cn_fail(error, CN_ERR_ARG, "", 0, "scene '%.200s': the node has no ~scene_dir to look in",
+                       scene);
+    if (snprintf(joined, PATH_MAX, "%s/%s", node->scene_dir, scene) >= PATH_MAX)
+        return cn_fail(error, CN_ERR_FILE, "", 0, "scene '%.60s...': the path is too long", scene);
+    return CN_OK;
+}
+
 cn_status scene_inside(const cn_node *node, const char *scene, char path[PATH_MAX], cn_error *error)
 {
-    char joined[PATH_MAX], folder[PATH_MAX];
-    if (!node->scene_dir[0])
-        return cn_fail(error, CN_ERR_ARG, "", 0, "scene '%s': the node has no ~scene_dir to look in", scene);
-    const int n = snprintf(joined, sizeof joined, "%s/%s", node->scene_dir, scene);
-    if (n >= (int)sizeof joined || !realpath(node->scene_dir, folder) || !realpath(joined, path))
-        return cn_fail(error, CN_ERR_FILE, scene, 0, "scene '%s' is not in %s", scene, node->scene_dir);
-    const size_t length = strlen(folder);
-    if (strncmp(path, folder, length) || path[length] != '/')
-        return cn_fail(error, CN_ERR_ARG, scene, 0, "scene '%s' lies outside %s", scene, node->scene_dir);
+    char joined[PATH_MAX];
+    const cn_status status = join(node, scene, joined, error);
+    if (status != CN_OK) return status;
+    if (!realpath(joined, path))
+        return cn_fail(error, CN_ERR_FILE, scene, 0, "scene '%.200s' is not in %.200s", scene,
+                       node->scene_dir);
+    if (!is_inside(node, path, false))
+        return cn_fail(error, CN_ERR_ARG, scene, 0, "scene '%.200s' lies outside %.200s", scene,
+                       node->scene_dir);
+    return CN_OK;
+}
+
+cn_status folder_inside(const cn_node *node, const char *scene, char folder[PATH_MAX], cn_error *error)
+{
+    char joined[PATH_MAX];
+    const cn_status status = join(node, scene, joined, error);
+    if (status != CN_OK) return status;
+    *strrchr(joined, '/') = 0; /* join has put one there */
+    if (!realpath(joined, folder))
+        return cn_fail(error, CN_ERR_FILE, scene, 0, "scene '%.200s': its folder is not in %.200s", scene,
+                       node->scene_dir);
+    if (!is_inside(node, folder, true))
+        return cn_fail(error, CN_ERR_ARG, scene, 0, "scene '%.200s' lies outside %.200s", scene,
+                       node->scene_dir);
     return CN_OK;
 }
 
@@ -102,9 +137,24 @@ static cn_status lend(overlay *o, int *n, cn_limit **list)
     return CN_OK;
 }
 
-cn_status overlay_new(overlay *o, cn_scene *scene, const cn_ros_request *request, cn_error *error)
+cn_status overlay_new(overlay *o, cn_scene *scene, const cn_ros_tuning *tuning, const cn_ros_request *request,
+                      cn_error *error)
 {
-    *o = (overlay){0};
+    *o = (overlay){.scene = scene,
+                   .step = scene->step,
+                   .time_limit = scene->time_limit,
+                   .budget = scene->planner.budget,
+                   .replans = scene->planner.replans};
+    if (tuning->step > 0) scene->step = tuning->step;
+    if (tuning->time_limit > 0) scene->time_limit = tuning->time_limit;
+    if (tuning->budget > 0) scene->planner.budget = tuning->budget;
+    if (tuning->replans >= 0) scene->planner.replans = tuning->replans;
+    for (int q = 0; q < CN_QUANTITY_PROGRESS; q++)
+        for (int r = CN_REDUCE_MAX; r <= CN_REDUCE_MEAN; r++) {
+            const cn_limit limit = {(cn_quantity)q, (cn_reduce)r, tuning->limit[q][r]};
+            if (limit.limit >= 0 && put_limit(&o->ndevice, &o->device, &limit) != CN_OK)
+                return cn_fail(error, CN_ERR_MEMORY, "", 0, "out of memory");
+        }
     for (int i = 0; i < request->nlimit; i++) {
         const cn_ros_limit *in = &request->limit[i];
         cn_limit limit, **list = &o->device;
@@ -124,6 +174,10 @@ cn_status overlay_new(overlay *o, cn_scene *scene, const cn_ros_request *request
 
 void overlay_end(overlay *o)
 {
+    if (o->scene) {
+        o->scene->step = o->step, o->scene->time_limit = o->time_limit;
+        o->scene->planner.budget = o->budget, o->scene->planner.replans = o->replans;
+    }
     for (int i = 0; i < o->nlent; i++) {
         free(*o->lent[i].list);
         *o->lent[i].list = o->lent[i].old;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 #include "node_parts.h"
 
 double wall_clock(void)
@@ -13,12 +14,23 @@ double wall_clock(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+int marker_stride(cn_node *node, int ntri)
+{
+    const int stride = ntri <= node->triangles ? 1 : (ntri - 1) / node->triangles + 1;
+    if (stride > 1) {
+        pthread_mutex_lock(&node->lock);
+        node->triangles_left_out += ntri - ((ntri - 1) / stride + 1);
+        pthread_mutex_unlock(&node->lock);
+    }
+    return stride;
+}
+
 bool wants_frame(cn_node *node, int step)
 {
     const double t = wall_clock();
+    pthread_mutex_lock(&node->lock);
     const bool wanted = step == 0 || t - node->last_frame >= node->frame_period;
     if (wanted) node->last_frame = t;
-    pthread_mutex_lock(&node->lock);
     if (wanted)
         node->frames_sent++;
     else
@@ -33,10 +45,10 @@ static bool announce_skin(cn_node *node, const cn_frame_body *b, shown *s)
     char name[80];
     const size_t nvert = (size_t)b->skin->nvert;
     s->skin_stress = calloc(nvert, sizeof *s->skin_stress);
-    s->node_stress = calloc((size_t)b->body->nnode, sizeof *s->node_stress);
+    s->scratch = calloc((size_t)b->body->nnode + nvert, sizeof *s->scratch);
     s->hangs_on = calloc(nvert, sizeof *s->hangs_on);
     s->skin_tri = calloc(3 * (size_t)b->skin->ntri, sizeof *s->skin_tri);
-    if (!s->skin_stress || !s->node_stress || !s->hangs_on || !s->skin_tri) return false;
+    if (!s->skin_stress || !s->scratch || !s->hangs_on || !s->skin_tri) return false;
     for (size_t r = 0; r < nvert; r++)
         s->hangs_on[b->skin->vertex[r]] = b->skin->anchor[r * (size_t)b->skin->nper];
     s->skin_id = ++node->last_id;
@@ -47,7 +59,7 @@ static bool announce_skin(cn_node *node, const cn_frame_body *b, shown *s)
 
 static void clear_shown(shown *s)
 {
-    free(s->stress), free(s->skin_stress), free(s->node_stress), free(s->hangs_on), free(s->skin_tri);
+    free(s->stress), free(s->skin_stress), free(s->scratch), free(s->hangs_on), free(s->skin_tri);
 }
 
 /* The body's place among those shown; a body met first is announced with its topology. */
@@ -80,35 +92,20 @@ void forget_shown(cn_node *node)
     node->shown = NULL, node->nshown = 0;
 }
 
-/* Largest von Mises stress of each vertex's tetrahedra: what breaks a limit is never averaged away. */
+/* Largest von Mises stress of each vertex's cells: what breaks a limit is never averaged away. */
 static void vertex_stress(shown *s, const double *von_mises)
 {
     const cn_body *b = s->body;
     memset(s->stress, 0, (size_t)b->npoint * sizeof(float));
-    for (int e = 0; von_mises && e < b->ntet; e++) {
+    for (int e = 0; von_mises && e < cn_body_cells(b); e++) {
         const float stress = (float)von_mises[e];
         if (von_mises[e] > s->highest) s->highest = von_mises[e];
-        for (int k = 0; k < (b->mid ? 10 : 4); k++) {
-            float *at = s->stress + (k < 4 ? b->tet[4 * e + k] : b->mid[6 * e + k - 4]);
+        for (int k = 0; k < (b->mid ? 10 : b->ntet ? 4 : 3); k++) {
+            float *at = s->stress + (!b->ntet ? b->boundary->tri[3 * e + k]
+                                     : k < 4  ? b->tet[4 * e + k]
+                                              : b->mid[6 * e + k - 4]);
             if (stress > *at) *at = stress;
         }
-    }
-}
-
-/* A vertex of the skin has the stress of its anchors by their weights, a node the largest of its points. */
-static void skin_stress(shown *s, const cn_skin *skin)
-{
-    const cn_body *body = s->body;
-    memset(s->node_stress, 0, (size_t)body->nnode * sizeof(float));
-    for (int p = 0; p < body->npoint && body->nanchor == 0; p++) {
-        float *at = s->node_stress + cn_body_node_of(body, p);
-        if (s->stress[p] > *at) *at = s->stress[p];
-    }
-    for (size_t r = 0, n = (size_t)skin->nper; r < (size_t)skin->nvert; r++) {
-        double sum = 0;
-        for (size_t i = n * r; i < n * (r + 1); i++)
-            sum += skin->weight[i] * s->node_stress[skin->anchor[i]];
-        s->skin_stress[skin->vertex[r]] = sum > 0 ? (float)sum : 0;
     }
 }
 
@@ -125,11 +122,14 @@ static void show_skin(cn_node *node, const cn_frame *frame, const cn_frame_body 
         if (s->hangs_on[corner[0]] < out && s->hangs_on[corner[1]] < out && s->hangs_on[corner[2]] < out)
             memcpy(s->skin_tri + 3 * ntri++, corner, 3 * sizeof *corner);
     }
-    skin_stress(s, skin);
+    double *const stress = s->scratch + b->body->nnode;
+    cn_skin_stress(skin, b->body, b->von_mises, s->scratch, stress);
+    for (int v = 0; v < skin->nvert; v++)
+        s->skin_stress[v] = (float)stress[v];
     cn_ros_send_state(node->ros, node->run_frame, s->skin_id, frame->step, frame->time, skin->nvert,
                       b->worn->x, s->skin_stress);
     cn_ros_send_catheter(node->ros, node->run_frame, b->name, s->id, skin->nvert, ntri, s->skin_tri,
-                         b->worn->x, s->skin_stress, full);
+                         marker_stride(node, ntri), b->worn->x, s->skin_stress, full);
 }
 
 void show_frame(cn_node *node, const cn_frame *frame)
@@ -146,41 +146,59 @@ void show_frame(cn_node *node, const cn_frame *frame)
             show_skin(node, frame, b, s, full);
         else
             cn_ros_send_catheter(node->ros, node->run_frame, b->name, s->id, b->nactive,
-                                 b->body->boundary->ntri, b->body->boundary->tri, b->x, s->stress, full);
+                                 b->body->boundary->ntri, b->body->boundary->tri,
+                                 marker_stride(node, b->body->boundary->ntri), b->x, s->stress, full);
     }
 }
 
-void on_tick(void *user)
+void on_status(void *user, cn_ros_status *status)
 {
     static const char *const stages[] = {"mesh check", "map", "roadmap", "motion"};
     cn_node *node = user;
-    cn_ros_figure figure[9];
     char message[1024];
-    int n = 0;
+    double resident = NAN;
+    unsigned long pages;
+    FILE *file = fopen("/proc/self/statm", "r");
+    if (file) {
+        if (fscanf(file, "%*u %lu", &pages) == 1) resident = (double)pages * (double)sysconf(_SC_PAGESIZE);
+        fclose(file);
+    }
+    const double t = wall_clock();
 
-#define FIGURE(name, ...)                                                                                    \
-    figure[n].key = name, snprintf(figure[n].value, sizeof figure[n].value, __VA_ARGS__), n++
     pthread_mutex_lock(&node->lock);
-    const cn_progress *p = &node->progress;
-    FIGURE("frame rate [Hz]", "%d", node->frames_sent - node->frames_tick);
-    FIGURE("frames sent", "%d", node->frames_sent);
-    FIGURE("frames dropped", "%d", node->frames_dropped);
-    FIGURE("last verdict", "%s", node->verdict[0] ? node->verdict : "none");
-    FIGURE("steps per second", "%.3g", node->open ? p->steps_per_s : 0.);
-    FIGURE("step", "%d", p->step);
-    FIGURE("waypoint", "%d of %d", p->waypoint, p->nwaypoint);
-    FIGURE("simulated time [s]", "%.6g", p->time);
-    FIGURE("replans", "%d", p->replans);
-    node->frames_tick = node->frames_sent;
-    const bool ok = !node->refusal[0];
-    if (!ok)
-        snprintf(message, sizeof message, "%s", node->refusal);
-    else
-        snprintf(message, sizeof message, "%s",
-                 node->open    ? stages[p->stage]
-                 : node->stage ? "ready"
-                               : "no artery mesh yet");
+    const cn_progress p = node->progress;
+    const bool open = node->open, ok = !node->refusal[0];
+    const int sent = node->frames_sent, dropped = node->frames_dropped;
+    const long thinned = node->triangles_left_out;
+    const double rate = (node->frames_sent - node->frames_told) / fmax(t - node->told, 1e-3);
+    const double factor = node->real_time_factor;
+    const int waiting = node->nqueue, meshes_dropped = node->meshes_dropped, refused = node->calls_refused;
+    char verdict[sizeof node->verdict];
+    memcpy(verdict, node->verdict, sizeof verdict);
+    node->frames_told = sent, node->told = t;
+    snprintf(message, sizeof message, "%s",
+             !ok           ? node->refusal
+             : open        ? stages[p.stage]
+             : node->stage ? "ready"
+                           : "no artery mesh yet");
     pthread_mutex_unlock(&node->lock);
-#undef FIGURE
-    cn_ros_send_diagnostics(node->ros, ok, message, n, figure);
+
+    cn_ros_summary(status, ok ? CN_ROS_OK : CN_ROS_WARN, message);
+    cn_ros_figure(status, "last verdict", "%s", verdict[0] ? verdict : "none");
+    cn_ros_figure(status, "steps per second", "%.3g", open ? p.steps_per_s : 0.);
+    cn_ros_figure(status, "real-time factor", "%.3g", open ? factor : 0.);
+    cn_ros_figure(status, "step", "%d", p.step);
+    cn_ros_figure(status, "waypoint", "%d of %d", p.waypoint, p.nwaypoint);
+    cn_ros_figure(status, "simulated time [s]", "%.6g", p.time);
+    cn_ros_figure(status, "replans", "%d", p.replans);
+    cn_ros_figure(status, "margin to the nearest limit", "%.3g", isfinite(p.margin) ? p.margin : 1.);
+    cn_ros_figure(status, "frame rate [Hz]", "%.3g", rate);
+    cn_ros_figure(status, "frames sent", "%d", sent);
+    cn_ros_figure(status, "frames dropped", "%d", dropped);
+    cn_ros_figure(status, "triangles left out of markers", "%ld", thinned);
+    cn_ros_figure(status, "calls waiting", "%d", waiting);
+    cn_ros_figure(status, "calls refused as busy", "%d", refused);
+    cn_ros_figure(status, "meshes dropped", "%d", meshes_dropped);
+    cn_ros_figure(status, "memory [MB]", "%.1f", resident / 1e6);
+    cn_ros_figure(status, "memory, highest [MB]", "%.1f", (double)cn_memory_peak() / 1e6);
 }

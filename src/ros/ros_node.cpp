@@ -31,19 +31,20 @@ cn_status cn_ros_start(cn_ros *ros, const cn_ros_handlers *handlers, int waiting
         auto &h = ros->handle;
         ros->handlers = *handlers;
         advertiseShow(ros);
-        ros->tick = h.createWallTimer(ros::WallDuration(1), [ros](const ros::WallTimerEvent &) {
-            ros->handlers.tick(ros->handlers.user);
-        });
         ros->feedback = h.createWallTimer(ros::WallDuration(0.1), [ros](const ros::WallTimerEvent &) {
             ros->handlers.feedback(ros->handlers.user);
         });
+        ros->frames = std::make_unique<catnav::Frames>();
+        ros->marks.reset(newMarks(ros));
         ros->plan.reset(newPlanDoor(ros, waiting));
-        ros->mesh = h.subscribe<catnav::SurfaceMesh>("artery_mesh", 8,
-                                                     [ros](const catnav::SurfaceMesh::ConstPtr &message) {
-                                                         const cn_ros_mesh view = catnav::view(*message);
-                                                         ros->handlers.mesh(ros->handlers.user, &view);
-                                                     });
-        ros->spinner = std::make_unique<ros::AsyncSpinner>(4); // one may check a mesh, one sends frames
+        ros->tuning.reset(newTuning(ros));
+        const auto on_mesh = [ros](const catnav::SurfaceMesh::ConstPtr &message) {
+            auto *mesh = new cn_ros_mesh(catnav::view(*message));
+            mesh->held = new catnav::SurfaceMesh::ConstPtr(message);
+            ros->handlers.mesh(ros->handlers.user, mesh);
+        };
+        ros->mesh = h.subscribe<catnav::SurfaceMesh>("artery_mesh", 8, on_mesh);
+        ros->spinner = std::make_unique<ros::AsyncSpinner>(4); // none of the callbacks takes long
         ros->spinner->start();
         return CN_OK;
     } catch (const std::exception &e) {
@@ -66,10 +67,18 @@ void cn_ros_free(cn_ros *ros)
     guarded([&] {
         if (ros->plan) stopPlanDoor(*ros->plan);
         if (ros->spinner) ros->spinner->stop();
-        ros::WallDuration(0.1).sleep(); // roscpp writes the last answer from a thread of its own
+        ros->handle.deleteParam("settings"); // what was set while it ran does not outlive it
+        ros::WallDuration(0.1).sleep();      // roscpp writes the last answer from a thread of its own
         ros::shutdown();
     });
     delete ros;
+}
+
+void cn_ros_mesh_free(cn_ros_mesh *mesh)
+{
+    if (!mesh) return;
+    delete static_cast<catnav::SurfaceMesh::ConstPtr *>(mesh->held);
+    delete mesh;
 }
 
 void cn_ros_log(cn_log_level level, const char *file, int line, const char *text)

@@ -19,14 +19,18 @@ extern "C" {
 #endif
 
 typedef struct cn_ros cn_ros;
+typedef struct cn_ros_status cn_ros_status; /* a diagnostic message that is being filled */
 
-/* --- what comes in; valid during the callback only --- */
+/* --- what comes in --- */
 typedef struct {
     const char *frame, *name;
+    uint64_t stamp; /* of the header [ns]; 0: none */
     size_t nvert, ntri;
     const double *vert;  /* as sent [m]: any value (nvert x 3) */
     const uint32_t *tri; /* as sent: any value     (ntri x 3)  */
+    void *held;          /* the message all this lies in */
 } cn_ros_mesh;
+void cn_ros_mesh_free(cn_ros_mesh *mesh); /* NULL is fine */
 
 typedef struct {
     const char *body, *quantity, *reduce;
@@ -42,6 +46,8 @@ typedef struct {
     const char *sampling, *scene;
     double budget; /* [s] */
     unsigned seed;
+    bool scene_seed; /* the scene's seed instead */
+    uint64_t stamp;  /* of the header [ns]; 0: none */
 } cn_ros_request;
 
 /* What is sent in answer to a call; cn_ros_send_answer frees what it holds. */
@@ -55,15 +61,48 @@ typedef struct {
 /* A call of ~plan or a goal of ~plan_action, by number; never 0, never used twice. */
 typedef unsigned long cn_ros_call;
 
+/* What the hand does to a waypoint in rviz; DRAGGED: on the way, DROPPED: let go. */
+typedef enum {
+    CN_ROS_MARK_DRAGGED,
+    CN_ROS_MARK_DROPPED,
+    CN_ROS_MARK_INSERT,
+    CN_ROS_MARK_DELETE,
+    CN_ROS_MARK_SNAP,
+    CN_ROS_MARK_PLAN,
+    CN_ROS_MARK_CLEAR
+} cn_ros_mark_event;
+
+enum { MARKS_MOST = 128 };
+typedef struct {
+    bool success;
+    char message[1024];
+    int nwaypoint;
+    double waypoint[3 * MARKS_MOST]; /* [m] */
+} cn_ros_file_reply;
+
+/* What may change between two plans (dynamic_reconfigure); below 0: as the scene says, or ~frame_rate. */
+typedef struct {
+    double step, time_limit, budget; /* [s] */
+    int replans;
+    double frame_rate;                     /* [1/s] */
+    double limit[CN_QUANTITY_PROGRESS][2]; /* the device's, by quantity and reduce */
+} cn_ros_tuning;
+
 typedef struct {
     void *user;
-    void (*mesh)(void *user, const cn_ros_mesh *mesh); /* one at a time */
+    void (*mesh)(void *user, cn_ros_mesh *mesh); /* one at a time; theirs to free */
     /* Several at once; returns soon. The request stays valid until cn_ros_end_call, which must follow once,
      * as must cn_ros_send_answer. */
     void (*plan)(void *user, cn_ros_call call, const cn_ros_request *request);
-    void (*cancel)(void *user, cn_ros_call call); /* it may have been answered meanwhile */
-    void (*tick)(void *user);                     /* once a second */
-    void (*feedback)(void *user);                 /* ten times a second */
+    void (*cancel)(void *user, cn_ros_call call);      /* it may have been answered meanwhile */
+    void (*status)(void *user, cn_ros_status *status); /* diagnostics, once a second */
+    void (*feedback)(void *user);                      /* ten times a second */
+    void (*click)(void *user, const char *frame, const double point[3]);
+    /* On waypoint `at`; point NULL: the event has none. */
+    void (*mark)(void *user, cn_ros_mark_event event, int at, const char *frame, const double point[3]);
+    void (*save)(void *user, const char *scene, cn_ros_file_reply *reply);
+    void (*load)(void *user, const char *scene, cn_ros_file_reply *reply);
+    void (*tune)(void *user, const cn_ros_tuning *tuning); /* also once at the start */
 } cn_ros_handlers;
 
 /* --- life --- */
@@ -78,6 +117,17 @@ bool cn_ros_ok(const cn_ros *ros);           /* false once the master or rosnode
 bool cn_ros_mesh_senders(const cn_ros *ros); /* does anyone publish on ~artery_mesh? */
 void cn_ros_free(cn_ros *ros); /* every call is answered; waits for callbacks, shuts down; NULL is fine */
 void cn_ros_log(cn_log_level level, const char *file, int line, const char *text); /* to rosconsole */
+
+/* --- frames --- */
+/* p in the other frame = rotation p + translation. */
+typedef struct {
+    double rotation[9], translation[3]; /* [1], [m] */
+    bool rest;                          /* the frames are the same: nothing moves */
+} cn_ros_motion;
+/* From frame `from` to `to` by tf2 at a stamp [ns] (0: the latest), waited for at most `wait` [s]; CN_ERR_ARG
+ * with the reason in words. */
+cn_status cn_ros_transform(cn_ros *ros, const char *from, const char *to, uint64_t stamp, double wait,
+                           cn_ros_motion *motion, cn_error *error);
 
 /* --- private parameters --- */
 void cn_ros_text(const cn_ros *ros, const char *key, const char *otherwise, char *out, size_t size);
@@ -107,16 +157,22 @@ void cn_ros_send_topology(cn_ros *ros, const char *frame, const char *name, unsi
                           const int *tet, int ntri, const int *tri);
 void cn_ros_send_state(cn_ros *ros, const char *frame, unsigned id, int step, double time, int nvert,
                        const double *x, const float *stress);
-/* Triangles whose vertices are all below nactive, coloured by stress from blue (0) to red (`full` [Pa]). */
+/* Triangles whose vertices are all below nactive, coloured by stress from blue (0) to red (`full` [Pa]); of
+ * the triangles of a body or wall every `stride`-th (1: all). */
 void cn_ros_send_catheter(cn_ros *ros, const char *frame, const char *name, unsigned id, int nactive,
-                          int ntri, const int *tri, const double *x, const float *stress, double full);
+                          int ntri, const int *tri, int stride, const double *x, const float *stress,
+                          double full);
 void cn_ros_send_artery(cn_ros *ros, const char *frame, const char *name, unsigned id,
-                        const cn_surface *surface);
+                        const cn_surface *surface, int stride);
 void cn_ros_send_roadmap(cn_ros *ros, const char *frame, unsigned id, const cn_roadmap *roadmap);
 void cn_ros_send_path(cn_ros *ros, const char *frame, const cn_path *path);
 void cn_ros_send_medial_axis(cn_ros *ros, const char *frame, int n, const double *x, const double *clearance);
 void cn_ros_forget_arteries(cn_ros *ros); /* takes the walls off every screen */
 void cn_ros_forget_bodies(cn_ros *ros);   /* takes bodies, roadmaps and path off every screen */
+
+/* Waypoints as interactive markers; why[i] "": it may stand there, else it is red and says why. */
+void cn_ros_send_marks(cn_ros *ros, const char *frame, int n, const double *x, const char *const *why,
+                       double size);
 
 /* What the node is built with, ended by an entry without `what`. */
 typedef struct {
@@ -124,12 +180,11 @@ typedef struct {
 } cn_ros_version;
 const cn_ros_version *cn_ros_versions(void);
 
-typedef struct {
-    const char *key;
-    char value[256];
-} cn_ros_figure;
-void cn_ros_send_diagnostics(cn_ros *ros, bool ok, const char *message, int nfigure,
-                             const cn_ros_figure *figure);
+/* --- diagnostics: the handler fills figures when asked, by cn_ros_figure --- */
+typedef enum { CN_ROS_OK, CN_ROS_WARN, CN_ROS_ERROR } cn_ros_level;
+void cn_ros_summary(cn_ros_status *status, cn_ros_level level, const char *message);
+void cn_ros_figure(cn_ros_status *status, const char *key, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
 
 #ifdef __cplusplus
 }

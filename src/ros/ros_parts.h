@@ -7,6 +7,7 @@
 #include <string>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
+#include <tf2_ros/transform_listener.h>
 #include "convert.h"
 #include "ros_node.h"
 
@@ -63,10 +64,17 @@ template <class M> class Latched
     ros::Publisher publisher_;
 };
 
-// ~plan and ~plan_action: calls by number, from their request to their answer (ros_plan.cpp).
-class PlanDoor;
-struct PlanDoorEnd {
+class PlanDoor; // ~plan and ~plan_action: calls by number, from request to answer (ros_plan.cpp)
+class Marks;    // waypoints by mouse (ros_marks.cpp)
+class Tuning;   // run-time settings and diagnostics (ros_tuning.cpp)
+struct End {
     void operator()(PlanDoor *door) const;
+    void operator()(Marks *marks) const;
+    void operator()(Tuning *tuning) const;
+};
+struct Frames {
+    tf2_ros::Buffer buffer;
+    tf2_ros::TransformListener listener{buffer};
 };
 } // namespace catnav
 
@@ -77,14 +85,18 @@ struct cn_ros {
     catnav::Latched<visualization_msgs::Marker> artery, roadmap, catheter;
     catnav::Latched<nav_msgs::Path> path;
     catnav::Latched<sensor_msgs::PointCloud2> medial_axis;
-    ros::Publisher state, diagnostics;
+    ros::Publisher state;
     ros::Subscriber mesh;
-    ros::WallTimer tick, feedback;
-    std::unique_ptr<catnav::PlanDoor, catnav::PlanDoorEnd> plan;
+    ros::WallTimer feedback;
+    std::unique_ptr<catnav::Frames> frames;
+    std::unique_ptr<catnav::PlanDoor, catnav::End> plan;
+    std::unique_ptr<catnav::Marks, catnav::End> marks;
+    std::unique_ptr<catnav::Tuning, catnav::End> tuning;
     std::unique_ptr<ros::AsyncSpinner> spinner;
 };
 
-// What starts, and what `stop` ends: no callback runs any more.
 catnav::PlanDoor *newPlanDoor(cn_ros *ros, int waiting);
-void stopPlanDoor(catnav::PlanDoor &door);
+void stopPlanDoor(catnav::PlanDoor &door); // every call has been answered
+catnav::Marks *newMarks(cn_ros *ros);
+catnav::Tuning *newTuning(cn_ros *ros);
 void advertiseShow(cn_ros *ros); // ros_show.cpp

@@ -148,7 +148,7 @@ class catnav::PlanDoor
     ros::AsyncSpinner spinner_;
 };
 
-void catnav::PlanDoorEnd::operator()(PlanDoor *door) const
+void catnav::End::operator()(PlanDoor *door) const
 {
     delete door;
 }

@@ -1,5 +1,4 @@
-// ros_show.cpp - what the node shows: bodies, walls, roadmap, path, medial axis, diagnostics.
-#include <diagnostic_msgs/DiagnosticArray.h>
+// ros_show.cpp - what the node shows: bodies, walls, roadmap, path, medial axis.
 #include "ros_parts.h"
 
 using catnav::guarded;
@@ -25,7 +24,6 @@ void advertiseShow(cn_ros *ros)
     ros->roadmap.advertise(h, "roadmap_marker");
     ros->path.advertise(h, "path");
     ros->medial_axis.advertise(h, "medial_axis");
-    ros->diagnostics = ros->global.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 8);
 }
 
 void cn_ros_send_topology(cn_ros *ros, const char *frame, const char *name, unsigned id, int ntet,
@@ -46,17 +44,19 @@ void cn_ros_send_state(cn_ros *ros, const char *frame, unsigned id, int step, do
 }
 
 void cn_ros_send_catheter(cn_ros *ros, const char *frame, const char *name, unsigned id, int nactive,
-                          int ntri, const int *tri, const double *x, const float *stress, double full)
+                          int ntri, const int *tri, int stride, const double *x, const float *stress,
+                          double full)
 {
     guarded([&] {
-        ros->catheter.send(frame, id, catnav::catheterMarker(name, id, nactive, ntri, tri, x, stress, full));
+        ros->catheter.send(frame, id,
+                           catnav::catheterMarker(name, id, nactive, ntri, tri, stride, x, stress, full));
     });
 }
 
 void cn_ros_send_artery(cn_ros *ros, const char *frame, const char *name, unsigned id,
-                        const cn_surface *surface)
+                        const cn_surface *surface, int stride)
 {
-    guarded([&] { ros->artery.send(frame, id, catnav::arteryMarker(name, id, *surface)); });
+    guarded([&] { ros->artery.send(frame, id, catnav::arteryMarker(name, id, *surface, stride)); });
 }
 
 void cn_ros_send_roadmap(cn_ros *ros, const char *frame, unsigned id, const cn_roadmap *roadmap)
@@ -91,27 +91,5 @@ void cn_ros_forget_bodies(cn_ros *ros)
             none.header = old.header;
             return none;
         });
-    });
-}
-
-void cn_ros_send_diagnostics(cn_ros *ros, bool ok, const char *message, int nfigure,
-                             const cn_ros_figure *figure)
-{
-    guarded([&] {
-        diagnostic_msgs::DiagnosticArray array;
-        diagnostic_msgs::DiagnosticStatus status;
-        status.level = ok ? diagnostic_msgs::DiagnosticStatus::OK : diagnostic_msgs::DiagnosticStatus::WARN;
-        status.name = ros::this_node::getName() + ": plan";
-        status.hardware_id = "none";
-        status.message = message;
-        for (int i = 0; i < nfigure; i++) {
-            diagnostic_msgs::KeyValue pair;
-            pair.key = figure[i].key;
-            pair.value = figure[i].value;
-            status.values.push_back(pair);
-        }
-        array.header.stamp = ros::Time::now();
-        array.status.push_back(status);
-        ros->diagnostics.publish(array);
     });
 }

@@ -15,6 +15,34 @@ ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 SCENES = os.path.join(ROOT, "launch", "scenes")
 DATA = os.environ.get("CATNAV_TEST_DATA", os.path.join(ROOT, "test", "data"))
 
+WALL = """scene: slits
+time_limit: 20
+vessels: [{name: room, shape: {box: {min: [0, 0, 0], max: [0.6, 0.6, 0.08]}}}]
+obstacles:
+%s
+bodies:
+- name: cube
+  shape: {beam: {size: [0.04, 0.04, 0.04], cells: [4, 4, 4]}, translate: [0.1, 0.28, 0.02]}
+  model: tet4
+  material: {young: 2.0e+4, poisson: 0.33, density: 1000}
+  drive: {nodes: uniform, speed: 0.3, path_distance: 5.0e-3}
+  waypoints: [[0.5, 0.3, 0.04]]
+  waypoint_tolerance: 0.02
+  path: {clearance: 0.01, region: {plane: {point: [0, 0, 0.04], normal: [0, 0, 1]}}}
+  limits: [{quantity: volume, reduce: mean, limit: 5.0e-3}]
+"""
+
+
+def wall_with(folder, *slits):
+    """A scene file: a cube of 4 cm before a wall with slits (from y, to y) [m]."""
+    ends = [-0.1] + [y for slit in slits for y in slit] + [0.7]
+    parts = ["- {name: part_%d, shape: {box: {min: [0.25, %g, -0.1], max: [0.35, %g, 0.2]}}}" % (i, low, high)
+             for i, (low, high) in enumerate(zip(ends[::2], ends[1::2]))]
+    file = os.path.join(folder, "slits.yaml")
+    with open(file, "w") as out:
+        out.write(WALL % "\n".join(parts))
+    return file
+
 
 def run(scene, **settings):
     """Exit status, report and messages of a run; settings: key__path=value."""
@@ -28,11 +56,11 @@ def run(scene, **settings):
             return done.returncode, json.load(file), done.stdout + done.stderr
 
 
-def path(scene, **settings):
+def path(scene, *words, **settings):
     """Points of a scene's plan."""
     with tempfile.TemporaryDirectory() as folder:
         out = os.path.join(folder, "path.csv")
-        words = [CATNAV, "plan", os.path.join(SCENES, scene), "--out", out]
+        words = [CATNAV, "plan", os.path.join(SCENES, scene), "--out", out, *words]
         for key, value in settings.items():
             words += ["--set", key.replace("__", ".") + "=" + json.dumps(value)]
         subprocess.run(words, check=True, capture_output=True, timeout=600)
@@ -122,11 +150,38 @@ class Scenes(unittest.TestCase):
             self.assertTrue(any(2 < p["x"] < 11 and abs(p["y"]) < 4.2 for p in way))  # not around the field
         self.assertGreater(slithering[-1]["s"], 1.01 * straight[-1]["s"])
 
+    def test_the_same_seed_gives_the_same_way_on_one_thread_and_on_two(self):
+        one, two, other = (path("snake.yaml", "--threads", threads, seed=seed)
+                           for threads, seed in (("1", 3), ("2", 3), ("2", 4)))
+        self.assertEqual(one, two)
+        self.assertNotEqual(one, other)
+
     @unittest.skipUnless(os.environ.get("CATNAV_SCENES") == "all", "whole runs: CATNAV_SCENES=all")
     def test_the_snake_slithers_to_the_other_side(self):
         status, report, said = run("snake.yaml")
         self.assertEqual(status, 0, said)
         self.unharmed(report, 0.1)  # it ends in a curve of its path
+
+    # ways that break a limit
+    def test_a_slit_too_narrow_for_the_volume_limit_is_left_for_a_wide_one_farther_off(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file = wall_with(folder, (0.03, 0.15), (0.288, 0.312))
+            status, report, said = run(file, planner__replans=0)
+            self.assertEqual((status, report["verdict"]["code"], report["verdict"]["quantity"]),
+                             (2, "LIMIT_BROKEN", "volume"), said)
+            self.assertGreater(report["verdict"]["value"], report["verdict"]["limit"])
+            status, report, said = run(file)
+            self.assertEqual((status, report["replans"]), (0, 1), said)
+            self.unharmed(report, 0.1)
+
+    def test_of_equal_detours_a_refused_one_is_not_tried_again(self):
+        narrow = [(0.208, 0.232), (0.288, 0.312), (0.368, 0.392)]
+        with tempfile.TemporaryDirectory() as folder:
+            status, report, said = run(wall_with(folder, (0.03, 0.15), *narrow))
+            self.assertEqual((status, report["replans"]), (0, 3), said)  # each narrow one once, then the wide one
+            self.unharmed(report, 0.1)
+            status, report, said = run(wall_with(folder, *narrow))
+            self.assertEqual((status, report["verdict"]["code"], report["replans"]), (2, "LIMIT_BROKEN", 2), said)
 
     # the paper's table
     def test_the_papers_table_stands_beside_our_figures_for_both_methods(self):

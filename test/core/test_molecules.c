@@ -369,6 +369,18 @@ static void measures_are_those_of_a_uniform_stretch(void **state)
                 s.x[3 * i + 2] = s.body->rest[3 * i + 2];
     cn_body_measure(s.body, n, s.x, s.rotation, true, &m, NULL, NULL);
     assert_true(m.inverted > 0.9 * n && m.volume_max < 1e-12);
+    /* stretched as a bar is: the mean over molecules is near E strain, at the surface somewhat above */
+    double *stress = numbers(cn_body_cells(s.body)), mean = 0;
+    for (int i = 0; i < 3 * n; i++)
+        s.x[i] = (i % 3 ? 1 - 0.25e-4 : 1 + 1e-4) * s.body->rest[i];
+    cn_body_measure(s.body, n, s.x, s.rotation, true, &m, stress, NULL);
+    assert_int_equal(cn_body_cells(s.body), s.body->boundary->ntri);
+    for (int t = 0; t < cn_body_cells(s.body); t++)
+        mean += stress[t] / cn_body_cells(s.body);
+    assert_true(fabs(mean / (soft.young * 1e-4) - 1) < 0.25);
+    assert_true(fabs(m.stress_mean / (soft.young * 1e-4) - 1) < 0.12);
+
+    free(stress);
     /* one molecule moved: the link stretched most is one of its own */
     memcpy(s.x, s.body->rest, 3 * (size_t)n * sizeof *s.x);
     s.x[3 * (n / 2)] += 0.004;

@@ -512,6 +512,94 @@ static void nodes_turn_with_their_elements(void **state)
     }
 }
 
+/* A body of molecules in a skin that is made about them, turned and moved: the skin goes along. */
+static void a_skin_about_molecules_turns_with_them(void **state)
+{
+    (void)state;
+    const cn_material material = {.young = 1e5, .poisson = 0.25, .density = 1000};
+    const cn_molecules_spec packing = {.radius = 0.1};
+    const double low[3] = {0}, high[3] = {1, 0.8, 0.6}, w[3] = {0.7, -1.1, 0.4}, shift[3] = {1, 2, 3};
+    cn_surface *box, *about;
+    cn_body *body;
+    cn_skin *skin;
+    cn_skin_state *now;
+    double r[9];
+    assert_int_equal(cn_surface_box(&box, low, high), CN_OK);
+    assert_int_equal(cn_body_new_molecules(&body, box, &packing, 1, &material, NULL), CN_OK);
+    double *x = malloc(3 * (size_t)body->nnode * sizeof *x),
+           *radius = malloc((size_t)body->nnode * sizeof *x),
+           *turn = malloc(4 * (size_t)body->nnode * sizeof *x);
+    cn_rotation(w, r);
+    for (int i = 0; i < body->nnode; i++) {
+        radius[i] = packing.radius;
+        cn_mat_vec(r, body->rest + 3 * i, x + 3 * i);
+        cn_axpy(1, shift, x + 3 * i);
+    }
+    assert_int_equal(cn_surface_about_spheres(&about, body->nnode, body->rest, radius, 0, NULL), CN_OK);
+    assert_int_equal(cn_skin_new(&skin, about, body->nnode, body->rest, NULL, 4, NULL), CN_OK);
+    assert_int_equal(cn_skin_state_new(&now, skin, NULL), CN_OK);
+    cn_skin_rotations(body, x, NULL, turn, NULL);
+    assert_int_equal(cn_skin_update(skin, x, turn, now, NULL), CN_OK);
+    for (int v = 0; v < about->nvert; v++) {
+        double at[3];
+        cn_mat_vec(r, about->vert + 3 * v, at);
+        cn_axpy(1, shift, at);
+        assert_true(cn_distance(at, now->x + 3 * v) < 1e-13);
+    }
+    free(x), free(radius), free(turn);
+    cn_skin_state_free(now);
+    cn_skin_free(skin);
+    cn_surface_free(about), cn_surface_free(box);
+    cn_body_free(body);
+}
+
+/* Each node takes the most of its elements, each vertex its weighted share. */
+static void a_skin_shows_the_stress_of_what_it_hangs_on(void **state)
+{
+    (void)state;
+    const cn_material material = {.young = 1e5, .poisson = 0.3, .density = 1000};
+    const double centre[3] = {0.5, 0.5, 1}, zero[3] = {0};
+    cn_tets *tets = shape_box(1, 1, 2, 1);
+    cn_surface *ball;
+    cn_body *body;
+    cn_skin *skin[2];
+    assert_int_equal(cn_body_new(&body, tets, &material, NULL, NULL), CN_OK);
+    assert_int_equal(cn_surface_sphere(&ball, centre, 0.3), CN_OK);
+    assert_int_equal(cn_skin_new_embedded(&skin[0], ball, tets, NULL), CN_OK);
+    assert_int_equal(cn_skin_new(&skin[1], ball, tets->nnode, tets->node, NULL, 4, NULL), CN_OK);
+    double *stress = malloc((size_t)ball->nvert * sizeof *stress), nodes[12], von_mises[12];
+    assert_int_equal(body->nnode, 12);
+    assert_int_equal(body->ntet, 12);
+    for (int k = 0; k < 2; k++) {
+        for (int e = 0; e < 12; e++)
+            von_mises[e] = 7;
+        cn_skin_stress(skin[k], body, von_mises, nodes, stress);
+        for (int v = 0; v < ball->nvert; v++)
+            assert_true(fabs(stress[v] - 7) < 1e-13);
+        von_mises[5] = 9;
+        cn_skin_stress(skin[k], body, von_mises, nodes, stress);
+        for (int i = 0; i < 12; i++) {
+            bool corner = false;
+            for (int a = 0; a < 4; a++)
+                corner = corner || body->tet[20 + a] == i;
+            assert_true(nodes[i] == (corner ? 9 : 7));
+        }
+        for (int r = 0; r < ball->nvert; r++) {
+            double sum = 0;
+            for (int j = 0; j < 4; j++)
+                sum += skin[k]->weight[4 * r + j] * nodes[skin[k]->anchor[4 * r + j]];
+            assert_true(fabs(stress[skin[k]->vertex[r]] - sum) < 1e-14);
+        }
+        cn_skin_stress(skin[k], body, NULL, nodes, stress);
+        assert_memory_equal(stress, zero, sizeof zero);
+        cn_skin_free(skin[k]);
+    }
+    free(stress);
+    cn_surface_free(ball);
+    cn_body_free(body);
+    cn_tets_free(tets);
+}
+
 /* --- refusals --- */
 static void faces_without_area_have_no_normal(void **state)
 {
@@ -653,6 +741,8 @@ int main(void)
         cmocka_unit_test(every_thread_count_gives_the_same_bits),
         cmocka_unit_test(units_do_not_matter),
         cmocka_unit_test(nodes_turn_with_their_elements),
+        cmocka_unit_test(a_skin_about_molecules_turns_with_them),
+        cmocka_unit_test(a_skin_shows_the_stress_of_what_it_hangs_on),
         cmocka_unit_test(faces_without_area_have_no_normal),
         cmocka_unit_test(what_is_no_skin_is_refused),
         cmocka_unit_test(numbers_that_are_none_leave_the_skin_as_it_was),
