@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Makes bp3d_leg_to_liver_coarse.stl, the artery with about as many nodes as in Moss et al. 2008, from
-bp3d_leg_to_liver_merged.stl: a little smoothing, quadric decimation, at the first count from 8,330 up that our mesh doctor has
-nothing against (no edge of three triangles, no crossing pair).
+"""Makes bp3d_leg_to_liver_coarse.stl, the artery with about as many nodes as in Moss et al. 2008 (8,330), from
+bp3d_leg_to_liver_merged.stl: a little smoothing, then quadric decimation to the first count from there up at which our
+mesh doctor takes it as a wall (no edge of three triangles) and sees no crossing pair.
 
     scripts/coarse_artery.py CATNAV IN.stl OUT.stl
 """
@@ -41,7 +41,7 @@ def main():
         decimated(smooth.GetOutput(), nodes, target)
         said = subprocess.run([catnav, "check", target, "--scale", "0.001", "--json"], capture_output=True, text=True)
         doctor = json.loads(said.stdout)
-        if said.returncode == 0 and not doctor["crossing_pairs"]:
+        if doctor["wall"] == "usable" and not doctor["crossing_pairs"]:
             print(nodes, "nodes")
             return 0
     return 1

@@ -62,7 +62,7 @@ static double evaluate_body(const cn_stage *s, const double *x, const double *u,
     cn_part *part = s->part;
     const cn_body *b = part->body->body;
     const size_t all = 3 * (size_t)(b->nblock > b->nnode ? b->nblock : s->nactive) * sizeof(double);
-    cn_matrix *a = tangent >= 0 ? part->matrix : NULL;
+    cn_matrix *a = tangent >= 0 && !part->sheet ? part->matrix : NULL;
     double inertia = 0, load = 0, inertia_norm = 0;
 
     memset(part->elastic, 0, all), memset(part->path, 0, all);
@@ -111,7 +111,8 @@ static double evaluate(const cn_group *g, cn_where at, int tangent)
     EACH_STAGE(g, s)
     {
         const cn_body *b = s->part->body->body;
-        if (tangent >= 0) cn_matrix_clear(s->part->matrix, s->rows < b->nblock ? s->nactive : b->nblock);
+        if (tangent >= 0 && !s->part->sheet)
+            cn_matrix_clear(s->part->matrix, s->rows < b->nblock ? s->nactive : b->nblock);
         memset(s->part->touch, 0,
                3 * (size_t)(b->nblock > b->nnode ? b->nblock : s->nactive) * sizeof(double));
     }
@@ -199,6 +200,7 @@ static void stiffen(const cn_group *g, double share)
     {
         cn_matrix *a = s->part->matrix;
         const cn_body *b = s->part->body->body;
+        if (s->part->sheet) continue;
         const double each = share / (s->h * s->h);
         EACH_FREE(s, i)
         for (int k = 0; k < 3; k++)

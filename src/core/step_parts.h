@@ -32,6 +32,8 @@ typedef struct {
     unsigned char *held;                /* fixed, or a rod's in the sheath (nblock) */
     double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
     bool linked;                        /* contact joins it to others, or to itself */
+    bool sheet;                         /* a wall that deforms: its matrix is constant, ... */
+    double sheet_h;                     /* ... factored for this step, 0: not yet */
     bool factored;                      /* the solver holds a factor of an earlier iteration, made ... */
     int factored_nfree;                 /* ... with this many free nodes */
     double factored_h;                  /* ... and this step */
@@ -53,6 +55,8 @@ typedef struct {
     bool free_flight;     /* nothing holds, drives or can touch it */
 } cn_stage;
 
+typedef struct cn_wall_solve cn_wall_solve; /* step_wall.c */
+
 struct cn_work {
     const cn_model *model;
     cn_pool *pool;
@@ -62,6 +66,7 @@ struct cn_work {
     /* contact of all of them; surface s < npart is part s's. NULL: nothing to touch */
     cn_contact_model *surfaces;
     cn_contact *contact;
+    cn_wall_solve *wall; /* NULL: no wall deforms, or more than one */
     cn_penalty *penalty; /* NULL: another response */
     cn_hang *hang;       /* (nsurface) */
     int *nfree;          /* leading points that take part (nsurface) */
@@ -151,6 +156,22 @@ cn_status cn_stage_solve(const cn_group *g, double *slope, cn_step_figures *figu
 void cn_point_motion(const cn_part *part, int point, const double *v, double out[3]);
 void cn_point_force(const cn_part *part, int point, const double force[3], double *f);
 bool cn_stage_iterative(const cn_group *g); /* some solver is */
+
+/* --- step_wall.c: one wall that deforms, its unknowns condensed --- */
+/* For steps of h; *out NULL where it could not help. */
+cn_status cn_wall_solve_new(cn_wall_solve **out, cn_work *work, double h, cn_error *error);
+void cn_wall_solve_free(cn_wall_solve *wall);
+int cn_wall_part(const cn_wall_solve *wall); /* which of the work's */
+/* The constant matrix of a wall for this step, and its factor, unless they are there. */
+cn_status cn_wall_factor(const cn_stage *s);
+/* Notes the links on the wall and what it gives way under each; false where they are too many, or of another
+ * kind: they are solved as all links are then. */
+bool cn_wall_take(const cn_group *g);
+/* Right sides cg[R] of the other bodies, as the wall's own changes them; then cg[Q] += what the links with
+ * the wall add to their product with cg[P]; at the end the wall's dx from theirs. */
+cn_status cn_wall_begin(const cn_group *g);
+void cn_wall_add(const cn_group *g);
+void cn_wall_end(const cn_group *g);
 
 /* out = M a of block i, without the factor that `leave_out.inertia` takes. */
 static inline void cn_stage_mass(const cn_stage *s, int i, const double a[3], double out[3])

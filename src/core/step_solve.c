@@ -41,6 +41,11 @@ cn_status cn_stage_factor(const cn_group *g)
     EACH_STAGE(g, s)
     {
         cn_part *part = s->part;
+        if (part->sheet) {
+            const cn_status status = cn_wall_factor(s);
+            if (status != CN_OK) return status;
+            continue;
+        }
         cn_solver_place(part->solver, s->x);
         const cn_status status =
             cn_solver_factor(part->solver, part->matrix, s->rows, part->held, part->pool);
@@ -69,6 +74,13 @@ bool cn_stage_iterative(const cn_group *g)
 static cn_status solve_alone(const cn_stage *s, double forcing, cn_step_figures *figures)
 {
     cn_part *part = s->part;
+    bool asleep = part->sheet; /* a wall that nothing touches lies still */
+    for (int i = 0; asleep && i < 3 * s->rows; i++)
+        asleep = part->gradient[i] == 0;
+    if (asleep) {
+        memset(part->dx, 0, 3 * (size_t)s->rows * sizeof *part->dx);
+        return CN_OK;
+    }
     const bool warm = iterative(part) && part->model->single; /* from the last step's motion */
     const double least = part->model->scene->solver.linear_tolerance;
     const double tolerance = iterative(part) && !warm ? fmax(least, forcing) : least;
@@ -146,12 +158,13 @@ void cn_point_force(const cn_part *part, int point, const double force[3], doubl
     cn_axpy(1, moment, f + 3 * (size_t)(carry->turn + node));
 }
 
-/* q += the links' part of A p. */
-static void add_links(const cn_group *g)
+/* q += the links' part of A p; those with this part are another's (-1: none). */
+static void add_links(const cn_group *g, int condensed)
 {
     const cn_work *work = g->work;
     for (int l = 0; l < work->contact->nlink; l++) {
         const cn_link *link = &work->contact->link[l];
+        if (condensed >= 0 && (link->surface[0] == condensed || link->surface[1] == condensed)) continue;
         double along[2] = {0, 0}; /* of either side */
         for (int i = 0; i < 4; i++) {
             const int side = i >= link->nside, surface = link->surface[side];
@@ -202,6 +215,11 @@ static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
         EACH_FREE(s, i)
         if (!s->part->held[i]) cn_axpy(-1, s->part->gradient + 3 * i, s->part->cg[R] + 3 * i);
     }
+    const int condensed = cn_wall_take(g) ? cn_wall_part(work->wall) : -1;
+    if (condensed >= 0) {
+        work->part[condensed].linked = false;
+        if ((status = cn_wall_begin(g)) != CN_OK) return status;
+    }
     const double bb = dot(g, R, R);
     double rr = bb;
     int done = 0;
@@ -219,7 +237,8 @@ static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
                 part->cg[P][i] = part->cg[Z][i] + beta * part->cg[P][i];
             cn_matrix_multiply(part->matrix, s->rows, part->cg[P], part->cg[Q], work->pool);
         }
-        add_links(g);
+        add_links(g, condensed);
+        if (condensed >= 0) cn_wall_add(g);
         const double pq = dot(g, P, Q);
         if (!(pq > 0)) return isnan(pq) ? CN_ERR_NOT_FINITE : CN_ERR_SINGULAR;
         EACH_STAGE(g, s)
@@ -230,6 +249,10 @@ static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
                 cn_axpy(-rz / pq, s->part->cg[Q] + 3 * i, s->part->cg[R] + 3 * i);
             }
         rr = dot(g, R, R);
+    }
+    if (condensed >= 0) {
+        cn_wall_end(g);
+        work->part[condensed].linked = true; /* solved with them */
     }
     figures->linear = done > figures->linear ? done : figures->linear;
     if (rr > tolerance * tolerance * bb) {

@@ -47,7 +47,11 @@ static cn_status part_new(cn_part *part, const cn_model *model, int index, cn_po
     const int first[1] = {0};
     int *level = NULL;
     cn_status status;
-    *part = (cn_part){.model = model, .body = body, .index = index, .pool = pool};
+    *part = (cn_part){.sheet = b->model == CN_BODY_MEMBRANE || b->model == CN_BODY_SHELL,
+                      .model = model,
+                      .body = body,
+                      .index = index,
+                      .pool = pool};
     if (!(part->held = calloc(blocks, 1))) return CN_ERR_MEMORY;
     if (!(part->memory = calloc(57 * blocks + 25 * nodes + 4 * (size_t)b->nturn, sizeof(double))))
         return CN_ERR_MEMORY;
@@ -115,8 +119,9 @@ static cn_status surfaces_new(cn_work *work)
         work->nfree[s] = surface->npoint;
         if (s >= work->npart) continue;
         const cn_part *part = &work->part[s];
-        work->hang[s] = (cn_hang){
-            .matrix = part->matrix, .carry = part->carry, .linked = part->carry && part->carry->nper > 0};
+        work->hang[s] = (cn_hang){.matrix = part->matrix,
+                                  .carry = part->carry,
+                                  .linked = part->sheet || (part->carry && part->carry->nper > 0)};
     }
     memcpy(work->trial, work->points, n * sizeof *work->points);
     memcpy(work->goal, work->points, n * sizeof *work->points);
@@ -144,6 +149,8 @@ cn_status cn_work_new(cn_work **out, const cn_model *model, int first, int nbody
         touches |= model->body[first + p].gap > 0;
     }
     if (status == CN_OK && touches) status = surfaces_new(work);
+    if (status == CN_OK && touches && model->integrator == CN_INTEGRATOR_EULER && !model->single)
+        status = cn_wall_solve_new(&work->wall, work, model->dt, error);
     if (status == CN_OK) {
         *out = work;
         return CN_OK;
@@ -158,6 +165,7 @@ void cn_work_free(cn_work *work)
     for (int p = 0; p < work->npart; p++)
         part_clear(&work->part[p]);
     cn_penalty_free(work->penalty);
+    cn_wall_solve_free(work->wall);
     cn_contact_free(work->contact);
     cn_contact_model_free(work->surfaces);
     free(work->hang), free(work->nfree), free(work->memory), free(work->part), free(work->stage);
