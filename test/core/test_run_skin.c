@@ -13,6 +13,7 @@
 
 #include "catnav/frames.h"
 #include "catnav/vec3.h"
+#include "fail_alloc.h"
 
 static char folder[] = "/tmp/test-run-skin-XXXXXX";
 
@@ -66,6 +67,14 @@ static void look(void *user, const cn_frame *frame)
     cn_sub(b->x, b->body->point, s->moved);
 }
 
+static void glance(void *user, const cn_frame *frame) /* memory for the skin's frame may be short */
+{
+    (void)user;
+    for (int i = 0; i < frame->nbody; i++)
+        assert_true((frame->body[i].skin == NULL) == (frame->body[i].worn == NULL));
+}
+
+/* With memory short now and then: s is NULL, and what comes of it is only not to crash. */
 static cn_status run(const char *text, seen *s, cn_report *report)
 {
     char path[64];
@@ -76,10 +85,20 @@ static cn_status run(const char *text, seen *s, cn_report *report)
     FILE *file = fopen(path, "w");
     fputs(text, file);
     fclose(file);
-    if (cn_scene_read(&scene, path, 0, NULL, &error) != CN_OK) fail_msg("%s", error.message);
+    const cn_setting one_step = {"time_limit", "0.01"};
+    if (cn_scene_read(&scene, path, s ? 0 : 1, &one_step, &error) != CN_OK) fail_msg("%s", error.message);
     assert_int_equal(cn_world_new(&world, scene, 0, NULL, &error), CN_OK);
-    const cn_run_hooks hooks = {.user = s, .frame = look};
-    const cn_status status = cn_run(world, NULL, NULL, 2, &hooks, report, &error);
+    const cn_run_hooks hooks = {.user = s, .frame = s ? look : glance};
+    cn_status status = CN_OK;
+    if (s)
+        status = cn_run(world, NULL, NULL, 2, &hooks, report, &error);
+    else
+        for (FAIL_EACH_ALLOC) {
+            memset(&error, 0, sizeof error);
+            status = cn_run(world, NULL, NULL, 1, &hooks, report, &error);
+            assert_true(status == CN_OK || (fail_alloc_fired() && status == CN_ERR_MEMORY));
+            cn_report_clear(report);
+        }
     cn_world_free(world);
     cn_scene_free(scene);
     return status;
@@ -222,6 +241,21 @@ static void skins_that_cannot_be_worn_are_refused(void **state)
     }
 }
 
+static void every_allocation_of_a_run_with_a_skin_may_fail(void **state)
+{
+    (void)state;
+    static const char *const skins[] = {"file: ball.stl", "file: ball.stl, method: blend"};
+    for (int i = 0; i < 3; i++) {
+        char text[1024];
+        cn_report report;
+        if (i < 2)
+            snprintf(text, sizeof text, FALLING "  skin: {%s}\n", skins[i]);
+        else
+            snprintf(text, sizeof text, CATHETER "  skin: {sides: 12}\n");
+        assert_int_equal(run(text, NULL, &report), CN_OK);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -229,6 +263,7 @@ int main(void)
         cmocka_unit_test(a_falling_blocks_skin_falls_along_however_it_hangs),
         cmocka_unit_test(frames_hold_the_skin_as_a_piece_of_its_own),
         cmocka_unit_test(skins_that_cannot_be_worn_are_refused),
+        cmocka_unit_test(every_allocation_of_a_run_with_a_skin_may_fail),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
