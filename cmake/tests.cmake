@@ -114,6 +114,14 @@ macro(catnav_command_tests)
   endforeach()
 endmacro()
 
+# A few seconds of every fuzzer, where clang is there; `make fuzz` takes longer.
+macro(catnav_fuzz_tests)
+  find_program(CATNAV_CLANG NAMES clang-14 clang)
+  if(CATNAV_CLANG)
+    add_test(NAME fuzz.readers COMMAND sh ${PROJECT_SOURCE_DIR}/scripts/fuzz.sh 3 ${PROJECT_BINARY_DIR}/fuzz)
+  endif()
+endmacro()
+
 macro(catnav_ros_tests)
   if(CATKIN_ENABLE_TESTING)
     find_package(rostest REQUIRED)
