@@ -90,9 +90,9 @@ void cn_skin_pull(const cn_skin *skin, const cn_skin_state *state, const double 
 void cn_skin_rotations(const cn_body *body, const double *x, const double *rotation, double *turn,
                        struct cn_pool *pool);
 
-/* Von Mises stress at the vertices of a body's skin (nvert) [Pa]: a node has the largest of the tetrahedra it
- * belongs to, with a point that rides on it or itself (nodes: nnode, filled), a vertex that of its anchors by
- * their weights, not below zero. von_mises as cn_body_measure fills it; NULL, or a body without tetrahedra:
+/* Von Mises stress at the vertices of a body's skin (nvert) [Pa]: a node has the largest of the cells (of
+ * cn_body_cells) it belongs to, itself or with a point that hangs on it first (nodes: nnode, filled), a
+ * vertex that of its anchors by their weights, not below zero. von_mises as cn_body_measure fills it; NULL:
  * zeros. Allocates nothing. */
 void cn_skin_stress(const cn_skin *skin, const cn_body *body, const double *von_mises, double *nodes,
                     double *stress);

@@ -190,6 +190,31 @@ static void a_falling_blocks_skin_falls_along_however_it_hangs(void **state)
     }
 }
 
+/* About half a radius at most outside of the block that its molecules fill, and falling with it. */
+static void molecules_wear_a_surface_made_about_them(void **state)
+{
+    (void)state;
+    static const char *const skins[] = {"cell: 0", "cell: 0.004, anchors: 2", "file: ball.stl"};
+    for (int i = 0; i < 3; i++) {
+        char text[1024];
+        seen s = {0};
+        cn_report report;
+        snprintf(text, sizeof text, FALLING "  model: molecules\n  molecules: {radius: 0.01}\n  skin: {%s}\n",
+                 skins[i]);
+        assert_int_equal(run(text, &s, &report), CN_OK);
+        if (report.verdict.code != CN_VERDICT_RAN) fail_msg("%s", report.verdict.message);
+        assert_true(s.moved[2] < -0.04);
+        for (int v = 0; v < s.nvert; v++) {
+            double d[3];
+            cn_sub(s.x + 3 * v, s.rest + 3 * v, d);
+            assert_true(cn_distance(d, s.moved) < 1e-7);
+            for (int k = 0; k < 3; k++)
+                assert_true(s.rest[3 * v + k] > -0.012 && s.rest[3 * v + k] < 0.112);
+        }
+        drop(&s, &report);
+    }
+}
+
 static void frames_hold_the_skin_as_a_piece_of_its_own(void **state)
 {
     (void)state;
@@ -269,6 +294,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_catheter_wears_a_round_tube),
         cmocka_unit_test(a_falling_blocks_skin_falls_along_however_it_hangs),
+        cmocka_unit_test(molecules_wear_a_surface_made_about_them),
         cmocka_unit_test(frames_hold_the_skin_as_a_piece_of_its_own),
         cmocka_unit_test(skins_that_cannot_be_worn_are_refused),
         cmocka_unit_test(every_allocation_of_a_run_with_a_skin_may_fail),
