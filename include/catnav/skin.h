@@ -58,12 +58,12 @@ cn_status cn_skin_new_embedded(cn_skin **out, const cn_surface *surface, const c
                                cn_error *error);
 void cn_skin_free(cn_skin *skin); /* NULL is fine */
 
+/* Faces and vertices without area have zeros for normals. */
 typedef struct {
-    double *x;    /* vertices [m]                                    (nvert x 3)    */
-    double *face; /* unit normal and area [m^2]; without area zeros  (ntri x 4)     */
-    double *
-        normal; /* unit, the mean of the faces around weighted by their areas; zero without any (nvert x 3) */
-    double *frame; /* of BLEND: x = w A X + w b, columns of A and b, each with a zero behind (nanchor x 16) */
+    double *x;      /* vertices [m]                                          (nvert x 3)    */
+    double *face;   /* unit normal and area [m^2]                            (ntri x 4)     */
+    double *normal; /* unit, mean of the faces around weighted by their areas (nvert x 3)   */
+    double *frame;  /* BLEND: columns of A and b in x = A X + b, padded by 0 (nanchor x 16) */
 } cn_skin_state;
 cn_status cn_skin_state_new(cn_skin_state **out, const cn_skin *skin, cn_error *error); /* all zero */
 void cn_skin_state_free(cn_skin_state *state);                                          /* NULL is fine */
