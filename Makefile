@@ -5,7 +5,7 @@ BIN   := $(BUILD)/devel/lib/catnav/catnav
 DEMO  := $(BUILD)/demo
 CTEST := cd $(BUILD) && ROS_HOSTNAME=localhost ctest -V -j$(JOBS)
 
-.PHONY: build packages demo test test-reference study clean
+.PHONY: build packages demo test test-reference study fuzz doc clean
 
 # catkin leaves paths that do not exist yet out of the test environment: a fresh tree is configured twice
 build: packages
@@ -31,6 +31,15 @@ test-reference: build
 # Accuracy, stability and speed of every model into build/study/index.md: about half an hour
 study: build
 	$(BIN) study $(BUILD)/study
+
+# Every fuzzer of the file readers, SECONDS each (clang); the goal is SECONDS=600
+SECONDS := 60
+fuzz:
+	sh scripts/fuzz.sh $(SECONDS) $(BUILD)/fuzz
+
+# The C headers as HTML into build/doc, by Debian's doxygen
+doc:
+	@mkdir -p $(BUILD)/doc && (cat cmake/Doxyfile; echo "OUTPUT_DIRECTORY = $(BUILD)/doc") | doxygen - && echo $(BUILD)/doc/html/index.html
 
 clean:
 	rm -rf $(BUILD)

@@ -93,8 +93,12 @@ macro(catnav_adapter_tests)
   endforeach()
 endmacro()
 
-# Scripts that run the command; it is the first argument and in CATNAV.
+# Scripts that run the command; it is the first argument and in CATNAV. CATNAV_ORACLE: judges frames by CGAL.
 macro(catnav_command_tests)
+  add_executable(oracle test/oracle/oracle.cpp)
+  target_compile_options(oracle PRIVATE -Wall -Wextra -frounding-math)
+  target_link_libraries(oracle PRIVATE gmp mpfr)
+  set_target_properties(oracle PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/test)
   file(GLOB tests CONFIGURE_DEPENDS test/command/*.sh test/command/test_*.py)
   foreach(source ${tests})
     get_filename_component(name ${source} NAME_WE)
@@ -105,9 +109,17 @@ macro(catnav_command_tests)
     endif()
     add_test(NAME command.${name} COMMAND ${runner} ${source} $<TARGET_FILE:catnav>)
     set_tests_properties(command.${name} PROPERTIES ENVIRONMENT
-      "CATNAV=$<TARGET_FILE:catnav>;CATNAV_TEST_DATA=${CATNAV_TEST_DATA}")
+      "CATNAV=$<TARGET_FILE:catnav>;CATNAV_ORACLE=$<TARGET_FILE:oracle>;CATNAV_TEST_DATA=${CATNAV_TEST_DATA}")
     catnav_label_reference(command.${name} ${source})
   endforeach()
+endmacro()
+
+# A few seconds of every fuzzer, where clang is there; `make fuzz` takes longer.
+macro(catnav_fuzz_tests)
+  find_program(CATNAV_CLANG NAMES clang-14 clang)
+  if(CATNAV_CLANG)
+    add_test(NAME fuzz.readers COMMAND sh ${PROJECT_SOURCE_DIR}/scripts/fuzz.sh 3 ${PROJECT_BINARY_DIR}/fuzz)
+  endif()
 endmacro()
 
 macro(catnav_ros_tests)

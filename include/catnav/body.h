@@ -52,7 +52,6 @@ typedef struct {
     int nanchor;          /* molecules: anchors of a point, which lies at sum weight x(anchor); else 0 */
     int *anchor;          /* the nearest to the point first             (npoint x nanchor) */
     double *weight;       /* their sum 1                                (npoint x nanchor) */
-    int ncouple, *couple; /* blocks that a triangle of the boundary couples, of cn_body_couple (ncouple x 2) */
     const struct cn_body_methods *methods; /* of the model (private) */
     /* of tetrahedra */
     double *shape_grad;              /* tet4: gradients of the shape functions [1/m] (ntet x 4 x 3) */
@@ -114,9 +113,6 @@ typedef struct {
  * cn_body_new; also of the surface (mesh.h), the file, a radius that is too large or too small. */
 cn_status cn_body_new_molecules(cn_body **out, const cn_surface *surface, const cn_molecules_spec *spec,
                                 unsigned seed, const cn_material *material, cn_error *error);
-/* Gives the matrix that is made of a body room for the stiffness of what touches its points (couple): needed
- * before cn_matrix_new where contact adds to it; for other models there is nothing to do. CN_ERR_MEMORY. */
-cn_status cn_body_couple(cn_body *body);
 
 /* A deformable vessel wall (spec->model membrane or shell): nodes are the surface's vertices, elements its
  * triangles, of uniform thickness, each node on springs foundation * area in all three directions. Strain is

@@ -58,12 +58,12 @@ cn_status cn_skin_new_embedded(cn_skin **out, const cn_surface *surface, const c
                                cn_error *error);
 void cn_skin_free(cn_skin *skin); /* NULL is fine */
 
+/* Faces and vertices without area have zeros for normals. */
 typedef struct {
-    double *x;    /* vertices [m]                                    (nvert x 3)    */
-    double *face; /* unit normal and area [m^2]; without area zeros  (ntri x 4)     */
-    double *
-        normal; /* unit, the mean of the faces around weighted by their areas; zero without any (nvert x 3) */
-    double *frame; /* of BLEND: x = w A X + w b, columns of A and b, each with a zero behind (nanchor x 16) */
+    double *x;      /* vertices [m]                                          (nvert x 3)    */
+    double *face;   /* unit normal and area [m^2]                            (ntri x 4)     */
+    double *normal; /* unit, mean of the faces around weighted by their areas (nvert x 3)   */
+    double *frame;  /* BLEND: columns of A and b in x = A X + b, padded by 0 (nanchor x 16) */
 } cn_skin_state;
 cn_status cn_skin_state_new(cn_skin_state **out, const cn_skin *skin, cn_error *error); /* all zero */
 void cn_skin_state_free(cn_skin_state *state);                                          /* NULL is fine */
@@ -90,9 +90,9 @@ void cn_skin_pull(const cn_skin *skin, const cn_skin_state *state, const double 
 void cn_skin_rotations(const cn_body *body, const double *x, const double *rotation, double *turn,
                        struct cn_pool *pool);
 
-/* Von Mises stress at the vertices of a body's skin (nvert) [Pa]: a node has the largest of the tetrahedra it
- * belongs to, with a point that rides on it or itself (nodes: nnode, filled), a vertex that of its anchors by
- * their weights, not below zero. von_mises as cn_body_measure fills it; NULL, or a body without tetrahedra:
+/* Von Mises stress at the vertices of a body's skin (nvert) [Pa]: a node has the largest of the cells (of
+ * cn_body_cells) it belongs to, itself or with a point that hangs on it first (nodes: nnode, filled), a
+ * vertex that of its anchors by their weights, not below zero. von_mises as cn_body_measure fills it; NULL:
  * zeros. Allocates nothing. */
 void cn_skin_stress(const cn_skin *skin, const cn_body *body, const double *von_mises, double *nodes,
                     double *stress);

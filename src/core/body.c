@@ -76,7 +76,7 @@ void cn_body_free(cn_body *body)
     free(body->rest);
     free(body->mass);
     free(body->inertia);
-    free(body->anchor), free(body->weight), free(body->couple);
+    free(body->anchor), free(body->weight);
     free(body->volume);
     free(body->mu);
     free(body->lambda);

@@ -179,11 +179,12 @@ void cn_contact_note_friction(const cn_contact_model *model, cn_contact *contact
  * of it positive) and links after cn_contact_add. Sliding by less than `slip` [m] counts as sticking. */
 double cn_contact_add_friction(const cn_contact_model *model, cn_contact *contact, const double *x,
                                const double *start, double slip, double *f, const cn_hang *hang);
-/* After a motion from x to `to` that was too long: notes which pairs it made slide back. */
-bool cn_contact_friction_gently(
-    cn_contact *contact); /* that did not serve either: true where there is another */
+/* After a motion from x to `to` that was too long: notes which pairs it made slide back, and leads them to a
+ * stop from then on; more gently where that does not serve (true where it can be); and once one served. */
 void cn_contact_friction_overshot(cn_contact *contact, const double *x, const double *to, const double *start,
                                   double slip);
+bool cn_contact_friction_gently(cn_contact *contact);
+void cn_contact_friction_served(cn_contact *contact);
 /* Largest fraction in [0, 1] of the motion dx from x that keeps every pair at least `keep` of its distance
  * apart all along: conservative. The motion must stay within the reach. */
 double cn_contact_motion(const cn_contact_model *model, cn_contact *contact, const double *x,

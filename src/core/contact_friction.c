@@ -54,12 +54,18 @@ void cn_contact_friction_overshot(cn_contact *contact, const double *x, const do
 
 bool cn_contact_friction_gently(cn_contact *contact)
 {
-    const double before = contact->lead;
     bool any = false;
     for (int i = 0; i < contact->nrub; i++)
         any |= contact->rub[i].stops;
-    if (any) contact->lead = 1;
-    return any && before > 1;
+    if (!any || contact->lead <= 1) return false;
+    contact->lead = fmax(1, 0.1 * contact->lead);
+    return true;
+}
+
+void cn_contact_friction_served(cn_contact *contact)
+{
+    for (int i = 0; i < contact->nrub && contact->lead <= 1; i++)
+        contact->rub[i].stops = false;
 }
 
 /* Stiffness k of the pair along n: own blocks into each side's matrix, what joins two as a link. */

@@ -7,32 +7,19 @@
 #include <immintrin.h>
 #endif
 
-/* What joins blocks: body g/2's elements (g even) or its couples; indices count from the body's first. */
-typedef struct {
-    int nper, n, first;
-    const int *block; /* (n x nper) */
-} joints;
-
-static joints joints_of(const cn_body *const *body, const int *first, int g)
-{
-    const cn_body *b = body[g / 2];
-    return g % 2 ? (joints){2, b->ncouple, first[g / 2], b->couple}
-                 : (joints){b->nper, b->nelement, first[g / 2], b->connect};
-}
-
 /* Largest node index + 1 over the bodies, -1 if a body is out of range. */
 static int count_rows(int nbody, const cn_body *const *body, const int *first)
 {
     int n = 0;
 
-    for (int g = 0; g < 2 * nbody; g++) {
-        const joints j = joints_of(body, first, g);
-        const int nblock = body[g / 2]->nblock;
-        if (nblock < 0 || j.n < 0 || j.n > INT_MAX / j.nper || j.first < 0 || j.first > INT_MAX - nblock)
+    for (int b = 0; b < nbody; b++) {
+        const int nblock = body[b]->nblock;
+        if (nblock < 0 || body[b]->nelement < 0 || body[b]->nelement > INT_MAX / body[b]->nper ||
+            first[b] < 0 || first[b] > INT_MAX - nblock)
             return -1;
-        if (j.first + nblock > n) n = j.first + nblock;
-        for (int c = 0; c < j.nper * j.n; c++)
-            if (j.block[c] < 0 || j.block[c] >= nblock) return -1;
+        if (first[b] + nblock > n) n = first[b] + nblock;
+        for (int c = 0; c < body[b]->nper * body[b]->nelement; c++)
+            if (body[b]->connect[c] < 0 || body[b]->connect[c] >= nblock) return -1;
     }
     return n;
 }
@@ -47,19 +34,15 @@ typedef struct {
 static void collect_incidences(int nbody, const cn_body *const *body, const int *first, int n, int *start,
                                incidence *packed)
 {
-    for (int g = 0; g < 2 * nbody; g++) {
-        const joints j = joints_of(body, first, g);
-        for (int c = 0; c < j.nper * j.n; c++)
-            start[j.first + j.block[c] + 1]++;
-    }
+    for (int b = 0; b < nbody; b++)
+        for (int c = 0; c < body[b]->nper * body[b]->nelement; c++)
+            start[first[b] + body[b]->connect[c] + 1]++;
     for (int i = 0; i < n; i++)
         start[i + 1] += start[i];
-    for (int g = 0; g < 2 * nbody; g++) {
-        const joints j = joints_of(body, first, g);
-        for (int c = 0; c < j.nper * j.n; c++)
-            packed[start[j.first + j.block[c]]++] =
-                (incidence){j.block + c / j.nper * j.nper, j.nper, j.first};
-    }
+    for (int b = 0; b < nbody; b++)
+        for (int c = 0; c < body[b]->nper * body[b]->nelement; c++)
+            packed[start[first[b] + body[b]->connect[c]]++] =
+                (incidence){body[b]->connect + c / body[b]->nper * body[b]->nper, body[b]->nper, first[b]};
     for (int i = n; i > 0; i--)
         start[i] = start[i - 1];
     start[0] = 0;
@@ -100,7 +83,7 @@ cn_status cn_matrix_new(cn_matrix **out, int nbody, const cn_body *const *body, 
     cn_matrix *matrix = calloc(1, sizeof *matrix);
     size_t corners = 0;
     for (int b = 0; b < nbody; b++)
-        corners += (size_t)body[b]->nper * (size_t)body[b]->nelement + 2 * (size_t)body[b]->ncouple;
+        corners += (size_t)body[b]->nper * (size_t)body[b]->nelement;
     int *start = calloc((size_t)n + 1, sizeof *start);
     int *mark = malloc(((size_t)n + 1) * sizeof *mark);
     incidence *packed = malloc((corners + 1) * sizeof *packed);

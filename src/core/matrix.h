@@ -15,10 +15,9 @@ typedef struct cn_matrix {
     double *value; /* blocks, row-major                               (nblock x 9) */
 } cn_matrix;
 
-/* Pattern: blocks joined by an element, or a couple, of one of the bodies (body b's blocks start at first[b];
- * only nblock, nelement, nper, connect, ncouple and couple are read). n = max over b of first[b] + nblock; a
- * block without elements has its diagonal alone. *out is NULL on failure; CN_ERR_ARG: an index out of range,
- * or more than 2^31 / 9 blocks. */
+/* Pattern: nodes joined by a tetrahedron of one of the bodies (body b's nodes start at first[b]; only nnode,
+ * ntet and tet are read). n = max over b of first[b] + nnode; a node without tetrahedra has its diagonal
+ * block alone. *out is NULL on failure; CN_ERR_ARG: an index out of range, or more than 2^31 / 9 blocks. */
 cn_status cn_matrix_new(cn_matrix **out, int nbody, const cn_body *const *body, const int *first);
 void cn_matrix_free(cn_matrix *matrix);
 void cn_matrix_clear(cn_matrix *matrix, int nactive); /* zeroes block rows [0, nactive) */

@@ -4,12 +4,10 @@
  * quadratic motion can put wrong is bounded by it, and weights stay small. */
 #include "molecules.h"
 
-#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
-#include "mesh_parts.h"
 
 enum { NEAREST = 10, NEAREST_MOST = 40 };
 static const double FLAT = 0.02; /* least volume of four, of the product of the edges at one */
@@ -104,52 +102,6 @@ static bool best_four(const double *place, const candidate *near, int n, const d
 }
 
 enum { A = CN_MOLECULE_ANCHORS };
-
-/* The anchors of a triangle's corners, each once; returns how many. */
-static int anchors_of(const cn_body *body, int tri, int all[3 * A])
-{
-    const int *corner = body->boundary->tri + 3 * (size_t)tri;
-    int count = 0;
-    for (int c = 0; c < 3 * A; c++) {
-        const int anchor = body->anchor[A * (size_t)corner[c / A] + (size_t)(c % A)];
-        int k = 0;
-        while (k < count && all[k] != anchor)
-            k++;
-        if (k == count) all[count++] = anchor;
-    }
-    return count;
-}
-
-cn_status cn_body_couple(cn_body *body)
-{
-    if (body->nanchor == 0 || body->couple) return CN_OK;
-    cn_status status = CN_ERR_MEMORY;
-    size_t room = 0;
-    int n = 0, all[3 * A];
-    for (int t = 0; t < body->boundary->ntri; t++) {
-        const int count = anchors_of(body, t, all);
-        room += (size_t)(count * (count - 1) / 2);
-    }
-    cn_facet *pair = room <= INT_MAX ? cn_array(room, sizeof *pair) : NULL;
-    if (!pair) return CN_ERR_MEMORY;
-    for (int t = 0; t < body->boundary->ntri; t++) {
-        const int count = anchors_of(body, t, all);
-        for (int k = 0; k < count; k++)
-            for (int l = k + 1; l < count; l++)
-                pair[n++] = cn_facet_edge(all[k], all[l], t);
-    }
-    if ((status = cn_facet_sort(body->nnode, n, pair)) != CN_OK) goto done;
-    status = CN_ERR_MEMORY;
-    if (!(body->couple = calloc((size_t)n + 1, 2 * sizeof *body->couple))) goto done;
-    for (int i = 0; i < n; i = cn_facet_run(n, pair, i)) {
-        memcpy(body->couple + 2 * (size_t)body->ncouple, pair[i].key, 2 * sizeof *body->couple);
-        body->ncouple++;
-    }
-    status = CN_OK;
-done:
-    free(pair);
-    return status;
-}
 
 cn_status cn_molecules_anchor(cn_body *body, double spacing, cn_error *error)
 {

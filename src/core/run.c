@@ -503,9 +503,11 @@ cn_status cn_run_visited(cn_world *world, const cn_request *request, cn_planner 
     begin(&run, world, request, planner, threads, hooks, report);
     run.visit = visit, run.visitor = visitor;
     const cn_status status = prepare(&run);
-    if (status != CN_OK)
+    if (status != CN_OK) {
         refuse(&run, status);
-    else if (!bad_start(&run))
+        cn_state_free(run.state); /* half prepared: nothing to be shown or measured */
+        run.state = NULL;
+    } else if (!bad_start(&run))
         drive_on(&run);
     if (run.state && run.shown_step != run.state->step) cn_run_frame(&run, run.state, true);
     if (run.state) {

@@ -222,12 +222,14 @@ void cn_skin_rotations(const cn_body *body, const double *x, const double *rotat
 void cn_skin_stress(const cn_skin *skin, const cn_body *body, const double *von_mises, double *nodes,
                     double *stress)
 {
-    const size_t n = (size_t)skin->nper, ntet = body->model == CN_BODY_MOLECULES ? 0 : (size_t)body->ntet;
+    const size_t n = (size_t)skin->nper, per = body->mid ? 10 : body->ntet ? 4 : 3;
     memset(nodes, 0, (size_t)body->nnode * sizeof *nodes);
-    for (size_t e = 0; von_mises && e < ntet; e++)
-        for (size_t a = 0; a < (body->mid ? 10 : 4); a++) {
-            double *at =
-                nodes + cn_body_node_of(body, a < 4 ? body->tet[4 * e + a] : body->mid[6 * e + a - 4]);
+    for (size_t e = 0; von_mises && e < (size_t)cn_body_cells(body); e++)
+        for (size_t a = 0; a < per; a++) {
+            const int p = !body->ntet ? body->boundary->tri[3 * e + a]
+                          : a < 4     ? body->tet[4 * e + a]
+                                      : body->mid[6 * e + a - 4];
+            double *at = nodes + (body->nanchor ? body->anchor[p * body->nanchor] : cn_body_node_of(body, p));
             if (von_mises[e] > *at) *at = von_mises[e];
         }
     for (size_t r = 0; r < (size_t)skin->nvert; r++) {

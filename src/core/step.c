@@ -281,18 +281,19 @@ static void place_walls(cn_work *work, double from, double to)
     }
 }
 
-/* Below this a sliding in a step is the creep of what sticks: a 1e-5th of the way that the speed leads which
- * gravity gives in a step, or the drive asks for; without either, of contact's gap. */
+/* Below this a sliding in a step is the creep of what sticks: at a 1e-5th of the speed that gravity gives in
+ * a step or a thousandth of what a drive asks for; without either, by a 1e-4th of contact's gap. */
 static double slip_of(const cn_work *work, double dt)
 {
     const cn_model *model = work->model;
-    double speed = cn_norm(model->gravity) * model->dt;
+    double speed = 1e-5 * cn_norm(model->gravity) * model->dt;
     for (int p = 0; p < work->npart; p++) {
         const cn_body_spec *spec = work->part[p].body->spec;
-        if (spec->nwaypoint || spec->drive.mode != CN_DRIVE_FOLLOW) speed = fmax(speed, spec->drive.speed);
+        if (spec->nwaypoint || spec->drive.mode != CN_DRIVE_FOLLOW)
+            speed = fmax(speed, 1e-3 * spec->drive.speed);
     }
     if (!(model->scene->contact.friction > 0)) return 0;
-    return 1e-5 * (speed > 0 ? speed * dt : work->surfaces->gap * dt / model->dt);
+    return speed > 0 ? speed * dt : 1e-4 * work->surfaces->gap * dt / model->dt;
 }
 
 static bool bounces(const cn_model *model)

@@ -151,6 +151,11 @@ static double excess(const cn_group *g, bool converged)
     return most;
 }
 
+static bool rubs(const cn_group *g)
+{
+    return g->strict && g->work->slip > 0;
+}
+
 static void shift(const cn_group *g, double fraction)
 {
     EACH_STAGE(g, s)
@@ -163,7 +168,6 @@ static void shift(const cn_group *g, double fraction)
 
 cn_status cn_stage_start(const cn_group *g, bool moved)
 {
-    const bool rubs = g->strict && g->work->slip > 0;
     double fraction = moved ? 1 : 0, still = 0;
     cn_status status = CN_OK;
     if (g->strict && !moved)
@@ -171,13 +175,13 @@ cn_status cn_stage_start(const cn_group *g, bool moved)
     else if (g->strict)
         status = cn_touch_allowed(g, true, &fraction);
     if (status != CN_OK) return status;
-    if (rubs) cn_touch_note(g, g->work->model->scene->contact.friction);
+    if (rubs(g)) cn_touch_note(g, g->work->model->scene->contact.friction);
     if (!moved) return CN_OK;
-    if (rubs) still = evaluate(g, CN_AT_STATE, -1);
+    if (rubs(g)) still = evaluate(g, CN_AT_STATE, -1);
     if (g->strict) cn_touch_walls_taken(g->work, fraction);
     shift(g, fraction);
     /* what friction is about to stop is better begun at rest */
-    if (rubs && !g->work->moving && still < evaluate(g, CN_AT_STATE, -1)) shift(g, -fraction);
+    if (rubs(g) && !g->work->moving && still < evaluate(g, CN_AT_STATE, -1)) shift(g, -fraction);
     return CN_OK;
 }
 
@@ -306,12 +310,14 @@ static void take_trial(const cn_group *g, double fraction)
     if (g->strict) cn_touch_walls_taken(g->work, fraction);
 }
 
+/* Friction as last noted is solved for only so far before it is noted anew, at most so often. */
 enum { FRICTION_LAGS = 8 };
+static const double LAGGED = 0.01;
 
 /* Friction by what presses now, not when it was last noted: true where that is out of balance. */
 static bool rubs_otherwise(const cn_group *g, int *lag, int tangent, double *energy)
 {
-    if (!g->strict || !(g->work->slip > 0) || ++*lag > FRICTION_LAGS) return false;
+    if (!rubs(g) || ++*lag > FRICTION_LAGS) return false;
     cn_touch_note(g, g->work->model->scene->contact.friction);
     *energy = evaluate(g, CN_AT_STATE, tangent);
     return excess(g, true) > 1;
@@ -325,19 +331,22 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
     bool keep = cn_stage_keeps(g), assembled = !keep;
     double energy = evaluate(g, CN_AT_STATE, keep ? -1 : tangent), slope = 0, before = INFINITY;
     cn_status status = CN_OK;
+    double enough = 1; /* of the residual, while friction is as last noted */
     int lag = 0;
 
     for (int done = 0;; done++) {
         if (!isfinite(energy)) return CN_ERR_NOT_FINITE;
         const bool arrived = !(work->moving && work->way_left > 1e-9); /* walls that move */
         double over = excess(g, true);
-        if (arrived && (done ? over : excess(g, false)) <= 1) {
+        if (done == 0 && rubs(g)) enough = fmax(1, LAGGED * over);
+        if (arrived && (done ? over / enough : excess(g, false)) <= 1) {
             if (!rubs_otherwise(g, &lag, tangent, &energy)) {
                 EACH_STAGE(g, s)
                 balance(s);
                 return CN_OK;
             }
             over = excess(g, true), before = INFINITY, assembled = true, keep = false;
+            enough = lag < FRICTION_LAGS ? fmax(1, LAGGED * over) : 1;
         }
         if (done == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
         if (keep && done && over > 0.2 * before) keep = false; /* too stale to gain by */
@@ -371,6 +380,7 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
                                 : lost   ? excess(g, true) < over
                                          : next <= energy + 1e-4 * fraction * slope;
             if (!better && half == 0) cn_touch_overshot(g);
+            if (better && half == 0 && g->strict) cn_contact_friction_served(work->contact);
             if (model->single || better) {
                 assembled = then >= 0;
                 energy = half && assembled ? evaluate(g, CN_AT_TRIAL, then) : next;

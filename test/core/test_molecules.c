@@ -488,31 +488,6 @@ static void forces_on_points_do_the_same_work_on_the_molecules(void **state)
     cn_body_free(body);
 }
 
-/* What contact on a triangle couples is in the pattern. */
-static void the_matrix_has_blocks_for_all_anchors_of_a_triangle(void **state)
-{
-    (void)state;
-    const double centre[3] = {0, 0, 0};
-    const cn_molecules_spec spec = {0.02, false, NULL};
-    cn_surface *surface;
-    cn_body *body;
-    assert_int_equal(cn_surface_sphere(&surface, centre, 0.1), CN_OK);
-    assert_int_equal(cn_body_new_molecules(&body, surface, &spec, 3, &soft, NULL), CN_OK);
-    assert_int_equal(body->ncouple, 0);
-    assert_int_equal(cn_body_couple(body), CN_OK);
-    assert_true(body->ncouple > 0);
-    fixture s = hold_body(body);
-    for (int t = 0; t < body->boundary->ntri; t++)
-        for (int k = 0; k < 12; k++)
-            for (int l = 0; l < 12; l++) {
-                const int *c = body->boundary->tri + 3 * t;
-                assert_true(cn_matrix_find(s.matrix, body->anchor[4 * c[k / 4] + k % 4],
-                                           body->anchor[4 * c[l / 4] + l % 4]) >= 0);
-            }
-    cn_surface_free(surface);
-    fixture_free(&s);
-}
-
 /* --- explicit steps --- */
 
 static void explicit_steps_keep_momentum_and_energy(void **state)
@@ -684,7 +659,6 @@ static void every_failed_allocation_is_reported_and_nothing_leaks(void **state)
         cn_carry *carry = NULL;
         cn_error error = {0};
         cn_status status = cn_body_new_molecules(&body, surface, &spec, 1, &soft, &error);
-        if (status == CN_OK) status = cn_body_couple(body);
         if (status == CN_OK) status = cn_carry_new(&carry, body);
         /* a tree that cannot be made smaller is as good */
         assert_true(status == CN_ERR_MEMORY ? fail_alloc_fired() : status == CN_OK && body && carry);
@@ -712,7 +686,6 @@ int main(void)
         cmocka_unit_test(what_is_not_a_number_makes_energy_and_measures_none),
         cmocka_unit_test(points_follow_any_affine_motion_and_start_where_the_surface_is),
         cmocka_unit_test(forces_on_points_do_the_same_work_on_the_molecules),
-        cmocka_unit_test(the_matrix_has_blocks_for_all_anchors_of_a_triangle),
         cmocka_unit_test(explicit_steps_keep_momentum_and_energy),
         cmocka_unit_test(explicit_and_implicit_steps_agree_as_steps_shrink),
         cmocka_unit_test(the_stable_step_is_stable_and_not_far_from_the_limit),

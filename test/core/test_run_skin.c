@@ -13,6 +13,7 @@
 
 #include "catnav/frames.h"
 #include "catnav/vec3.h"
+#include "fail_alloc.h"
 
 static char folder[] = "/tmp/test-run-skin-XXXXXX";
 
@@ -31,6 +32,11 @@ static int set_up(void **state)
     snprintf(path, sizeof path, "%s/mm.stl", folder);
     assert_int_equal(cn_surface_write_stl(ball, path, NULL), CN_OK);
     cn_surface_free(ball);
+    cn_surface *box;
+    assert_int_equal(cn_surface_box(&box, (double[]){0.01, 0.01, 0.01}, centre), CN_OK);
+    snprintf(path, sizeof path, "%s/box.stl", folder);
+    assert_int_equal(cn_surface_write_stl(box, path, NULL), CN_OK);
+    cn_surface_free(box);
     return 0;
 }
 
@@ -66,6 +72,14 @@ static void look(void *user, const cn_frame *frame)
     cn_sub(b->x, b->body->point, s->moved);
 }
 
+static void glance(void *user, const cn_frame *frame) /* memory for the skin's frame may be short */
+{
+    (void)user;
+    for (int i = 0; i < frame->nbody; i++)
+        assert_true((frame->body[i].skin == NULL) == (frame->body[i].worn == NULL));
+}
+
+/* With memory short now and then: s is NULL, and what comes of it is only not to crash. */
 static cn_status run(const char *text, seen *s, cn_report *report)
 {
     char path[64];
@@ -76,10 +90,23 @@ static cn_status run(const char *text, seen *s, cn_report *report)
     FILE *file = fopen(path, "w");
     fputs(text, file);
     fclose(file);
-    if (cn_scene_read(&scene, path, 0, NULL, &error) != CN_OK) fail_msg("%s", error.message);
+    const bool catheter = strstr(text, "catheter") != NULL;
+    const cn_setting small[] = {{"time_limit", "0.01"},
+                                {catheter ? "bodies.0.shape.catheter.stations" : "bodies.0.shape.beam.cells",
+                                 catheter ? "6" : "[1, 1, 1]"}};
+    if (cn_scene_read(&scene, path, s ? 0 : 2, small, &error) != CN_OK) fail_msg("%s", error.message);
     assert_int_equal(cn_world_new(&world, scene, 0, NULL, &error), CN_OK);
-    const cn_run_hooks hooks = {.user = s, .frame = look};
-    const cn_status status = cn_run(world, NULL, NULL, 2, &hooks, report, &error);
+    const cn_run_hooks hooks = {.user = s, .frame = s ? look : glance};
+    cn_status status = CN_OK;
+    if (s)
+        status = cn_run(world, NULL, NULL, 2, &hooks, report, &error);
+    else
+        for (FAIL_EACH_ALLOC) {
+            memset(&error, 0, sizeof error);
+            status = cn_run(world, NULL, NULL, 1, &hooks, report, &error);
+            assert_true(status == CN_OK || (fail_alloc_fired() && status == CN_ERR_MEMORY));
+            cn_report_clear(report);
+        }
     cn_world_free(world);
     cn_scene_free(scene);
     return status;
@@ -163,6 +190,31 @@ static void a_falling_blocks_skin_falls_along_however_it_hangs(void **state)
     }
 }
 
+/* About half a radius at most outside of the block that its molecules fill, and falling with it. */
+static void molecules_wear_a_surface_made_about_them(void **state)
+{
+    (void)state;
+    static const char *const skins[] = {"cell: 0", "cell: 0.004, anchors: 2", "file: ball.stl"};
+    for (int i = 0; i < 3; i++) {
+        char text[1024];
+        seen s = {0};
+        cn_report report;
+        snprintf(text, sizeof text, FALLING "  model: molecules\n  molecules: {radius: 0.01}\n  skin: {%s}\n",
+                 skins[i]);
+        assert_int_equal(run(text, &s, &report), CN_OK);
+        if (report.verdict.code != CN_VERDICT_RAN) fail_msg("%s", report.verdict.message);
+        assert_true(s.moved[2] < -0.04);
+        for (int v = 0; v < s.nvert; v++) {
+            double d[3];
+            cn_sub(s.x + 3 * v, s.rest + 3 * v, d);
+            assert_true(cn_distance(d, s.moved) < 1e-7);
+            for (int k = 0; k < 3; k++)
+                assert_true(s.rest[3 * v + k] > -0.012 && s.rest[3 * v + k] < 0.112);
+        }
+        drop(&s, &report);
+    }
+}
+
 static void frames_hold_the_skin_as_a_piece_of_its_own(void **state)
 {
     (void)state;
@@ -222,13 +274,30 @@ static void skins_that_cannot_be_worn_are_refused(void **state)
     }
 }
 
+static void every_allocation_of_a_run_with_a_skin_may_fail(void **state)
+{
+    (void)state;
+    static const char *const skins[] = {"file: box.stl", "file: box.stl, method: blend"};
+    for (int i = 0; i < 3; i++) {
+        char text[1024];
+        cn_report report;
+        if (i < 2)
+            snprintf(text, sizeof text, FALLING "  skin: {%s}\n", skins[i]);
+        else
+            snprintf(text, sizeof text, CATHETER "  skin: {sides: 4}\n");
+        assert_int_equal(run(text, NULL, &report), CN_OK);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_catheter_wears_a_round_tube),
         cmocka_unit_test(a_falling_blocks_skin_falls_along_however_it_hangs),
+        cmocka_unit_test(molecules_wear_a_surface_made_about_them),
         cmocka_unit_test(frames_hold_the_skin_as_a_piece_of_its_own),
         cmocka_unit_test(skins_that_cannot_be_worn_are_refused),
+        cmocka_unit_test(every_allocation_of_a_run_with_a_skin_may_fail),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

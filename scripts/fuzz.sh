@@ -1,0 +1,45 @@
+#!/bin/sh
+# scripts/fuzz.sh SECONDS FOLDER: every fuzzer of test/fuzz for so long each, built and kept in FOLDER. Begins with the
+# files of test/data and what earlier runs found in FOLDER/corpus; an input that breaks a reader is left in
+# FOLDER/found, and the status is 1.
+seconds=$1
+out=$2
+root=$(cd "$(dirname "$0")/.." && pwd)
+clang=$(command -v clang-14 || command -v clang) || { echo "fuzz: clang is not there"; exit 0; }
+
+mkdir -p "$out/found"
+cmake -S "$root" -B "$out" -DCATNAV_FUZZ=ON -DCATNAV_CORE_ONLY=ON -DCMAKE_C_COMPILER="$clang" > "$out/build.log" 2>&1 &&
+    cmake --build "$out" -j2 >> "$out/build.log" 2>&1 || { tail -20 "$out/build.log"; exit 1; }
+
+seed() { # kind, files: into its corpus
+    kind=$1
+    shift
+    mkdir -p "$out/corpus/$kind"
+    for file; do
+        [ -f "$file" ] && [ "$(stat -c %s "$file")" -lt 65536 ] && cp "$file" "$out/corpus/$kind/"
+    done
+}
+data=$root/test/data
+seed stl "$data"/meshes/*.stl
+seed obj "$data"/meshes/*.obj "$root"/test/ros/*.obj
+seed ply "$data"/meshes/*.ply
+seed msh "$data"/meshes/*.msh
+seed scene "$root"/launch/scenes/*.yaml "$data"/scenes/*.yaml "$root"/test/ros/*.yaml
+seed tetgen
+{ cat "$data/meshes/tetra.node"; echo '#ele'; cat "$data/meshes/tetra.ele"; } > "$out/corpus/tetgen/tetra"
+
+status=0
+for fuzzer in "$root"/test/fuzz/fuzz_*.c; do
+    name=$(basename "$fuzzer" .c)
+    kind=${name#fuzz_}
+    [ -d "$root/test/fuzz/found/$kind" ] && cp "$root/test/fuzz/found/$kind"/* "$out/corpus/$kind/"
+    if (cd "$out" && "./$name" -max_total_time="$seconds" -max_len=65536 -timeout=20 -rss_limit_mb=2048 \
+            -artifact_prefix="found/$kind-" -print_final_stats=1 "corpus/$kind") > "$out/$name.log" 2>&1; then
+        echo "$name: $(sed -n 's/^stat::number_of_executed_units: *//p' "$out/$name.log") inputs, nothing found"
+    else
+        status=1
+        echo "$name: FOUND, see $out/$name.log"
+        grep -E "ERROR|SUMMARY|runtime error|was accepted|allowed|sentence|out of range|Test unit written" "$out/$name.log"
+    fi
+done
+exit $status
