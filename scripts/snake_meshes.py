@@ -11,7 +11,7 @@ ROCKS, FIELD = 33, ((2.0, 11.0), (-4.2, 4.2))  # on the ground: x, y from, to
 ROCK_RADIUS, BETWEEN = (0.25, 0.50), 0.4
 
 
-ABOUT = '# %s; made by scripts/snake_meshes.py of catnav, BSD-3-Clause\n'
+ABOUT = f'# %s; made by scripts/{os.path.basename(sys.argv[0])} of catnav, BSD-3-Clause\n'
 
 
 def write_obj(path, about, vertices, triangles):
@@ -89,6 +89,15 @@ def icosphere(times):
     return np.array([v / np.linalg.norm(v) for v in vertices]), triangles
 
 
+def lumpy(random, ball):
+    """The unit ball's points moved in to those of a lumpy stone."""
+    lumps = np.ones(len(ball))
+    for _ in range(6):
+        wave = random.normal(size=3)
+        lumps += 0.05 * np.cos(2.2 * ball @ wave + random.uniform(0, 2 * np.pi))
+    return ball * np.minimum(lumps, 1.1)[:, None] / 1.1
+
+
 def rocks(random):
     """Lumpy stones, their middles on the ground, at least BETWEEN apart."""
     ball, ball_triangles = icosphere(2)
@@ -99,13 +108,8 @@ def rocks(random):
             placed.append((x, y, r))
     vertices, triangles = [], []
     for x, y, r in placed:
-        lumps = np.ones(len(ball))
-        for _ in range(6):
-            wave = random.normal(size=3)
-            lumps += 0.05 * np.cos(2.2 * ball @ wave + random.uniform(0, 2 * np.pi))
         first = len(vertices)
-        stone = ball * np.minimum(lumps, 1.1)[:, None] / 1.1 * np.array([r, r, 0.8 * r]) + np.array([x, y, 0])
-        vertices += stone.tolist()
+        vertices += (lumpy(random, ball) * np.array([r, r, 0.8 * r]) + np.array([x, y, 0])).tolist()
         triangles += [tuple(first + i for i in t) for t in ball_triangles]
     return vertices, triangles
 

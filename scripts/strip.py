@@ -2,10 +2,11 @@
 """A strip of pictures of a run: its start, the moment of highest mean stress, its end.
 
     strip.py FRAMES OUT.png [--from X,Y,Z] [--up X,Y,Z] [--times T,T,...] [--across N]
-             [--wall OPACITY]
+             [--wall OPACITY] [--trail BODY,FROM,TO ...]
 
 FRAMES is a folder that `catnav run --frames` wrote. --from: the direction the camera looks from. --times: other
-moments than those three. --across: pictures in a row. Needs an X display (xvfb-run will do)."""
+moments than those three. --across: pictures in a row. --trail: the way of a body's middle between two moments, as
+far as it has come. Needs an X display (xvfb-run will do)."""
 import argparse
 import glob
 import os
@@ -41,6 +42,28 @@ def frames(folder):
     return found
 
 
+def way_of(found, body, begin, end):
+    """[(time, middle of the body)] from one moment to another."""
+    return [(t, vtk_to_numpy(read_body(path).GetPoints().GetData()).mean(0))
+            for t in sorted(found) if begin <= t <= end for path in found[t]
+            if os.path.basename(path).rsplit('_', 1)[0] == body]
+
+
+def tube(points, thick):
+    line = vtk.vtkLineSource()
+    corners = vtk.vtkPoints()
+    for p in points:
+        corners.InsertNextPoint(p)
+    line.SetPoints(corners)
+    round_line = vtk.vtkTubeFilter()
+    round_line.SetInputConnection(line.GetOutputPort())
+    round_line.SetRadius(thick)
+    round_line.SetNumberOfSides(12)
+    round_line.CappingOn()
+    round_line.Update()
+    return round_line.GetOutput()
+
+
 def stress_of(bodies):
     return max([vtk_to_numpy(b.GetPointData().GetArray('stress')) for b in bodies], key=np.mean)
 
@@ -55,6 +78,7 @@ def main():
     ask.add_argument('--across', type=int, default=1)
     ask.add_argument('--wall', type=float, default=1)
     ask.add_argument('--width', type=int, default=1200)
+    ask.add_argument('--trail', action='append', default=[])
     given = ask.parse_args()
     found = frames(given.frames)
     times = sorted(found)
@@ -64,6 +88,8 @@ def main():
         hardest = max(times, key=lambda t: float(np.mean(stress_of([read_body(p) for p in found[t]]))))
         chosen = [times[0], hardest, times[-1]]
     surfaces = list(walls(given.frames))
+    trails = [way_of(found, body, float(begin), min(float(end), chosen[-1]))
+              for body, begin, end in (t.split(',') for t in given.trail)]
     shown = [[read_body(p) for p in found[t]] for t in chosen]
     high = max(float(np.percentile(stress_of(bodies), 98)) for bodies in shown)
 
@@ -74,6 +100,7 @@ def main():
     for data in surfaces + [body for bodies in shown for body in bodies]:
         points = vtk_to_numpy(data.GetPoints().GetData())
         corners += [points @ np.array([across, up, side]).T]
+    corners += [np.array([p for _, p in way]) @ np.array([across, up, side]).T for way in trails]
     corners = np.vstack(corners)
     low, top = corners.min(0), corners.max(0)
     middle = 0.5 * (low + top)
@@ -103,6 +130,10 @@ def main():
             renderer.AddActor(solid)
         for surface in surfaces:
             renderer.AddActor(actor(surface, (0.62, 0.60, 0.56), given.wall))
+        for way in trails:
+            done = [p for t, p in way if t <= time]
+            if len(done) > 1:
+                renderer.AddActor(actor(tube(done, 4e-3 * size[0]), (0.80, 0.15, 0.10)))
         camera = renderer.GetActiveCamera()
         camera.ParallelProjectionOn()
         camera.SetFocalPoint(*focus)

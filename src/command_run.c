@@ -75,11 +75,14 @@ static void show_progress(void *user, const cn_progress *p)
     fflush(stderr);
 }
 
-/* Rigid walls do not move: once, beside the frames. */
-static void write_walls(run_t *run, const cn_world *world)
+/* Rigid walls do not move: once, beside the frames. Walls that give way are in these. */
+static void write_walls(run_t *run, const cn_scene *scene, const cn_world *world)
 {
     for (int i = 0; i < world->nwall && run->frames; i++) {
+        const cn_surface_spec *spec = world->wall[i].spec;
+        const bool gives_way = spec && (spec->deformable || spec->wall.model != CN_WALL_RIGID);
         char file[PATH_MAX];
+        if (gives_way && scene->leave_out.wall_solve != CN_ON) continue;
         snprintf(file, sizeof file, "%s/wall_%d.vtp", run->folder, i);
         if (cn_surface_write_vtp(world->wall[i].surface, file, &run->error) != CN_OK) {
             command_print_error(&run->error);
@@ -136,7 +139,7 @@ static int run_scene(int argc, char **argv)
     const cn_run_hooks hooks = {&run, wants_frame, take_frame, show_progress, take_path, &command_cancel};
     cn_status computed = cn_world_new(&world, scene, 0, NULL, &error);
     if (computed == CN_OK) {
-        write_walls(&run, world);
+        write_walls(&run, scene, world);
         computed = cn_run(world, NULL, cn_ompl_planner, threads, &hooks, &report, &error);
     } else
         cn_report_refused(&report, scene, &error);

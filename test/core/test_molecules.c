@@ -15,6 +15,7 @@
 #include "fail_alloc.h"
 #include "molecules.h"
 #include "solve.h"
+#include "stepper.h"
 
 static const cn_material soft = {.young = 1e5, .poisson = 0.25, .density = 1000};
 
@@ -571,6 +572,51 @@ static void explicit_and_implicit_steps_agree_as_steps_shrink(void **state)
     fixture_free(&s);
 }
 
+/* Largest distance between where `steps` steps of the package's implicit Euler and of the explicit one take a
+ * swinging block in 0.02 s, over what it moved. */
+static double apart(int steps)
+{
+    const double dt = 0.02 / steps;
+    cn_tets *mesh = shape_tet(0.01);
+    stepper s;
+    cn_material m = soft;
+    m.damping = 2, m.damping_stiffness = 5e-5;
+    stepper_set(&s, m, dt);
+    s.spec.model = CN_BODY_MOLECULES, s.spec.molecule_radius = 0.007;
+    s.spec.shape.kind = CN_SHAPE_BOX; /* the stepper's mesh is not looked at */
+    s.spec.shape.box.max[0] = 0.08, s.spec.shape.box.max[1] = s.spec.shape.box.max[2] = 0.04;
+    if (stepper_make(&s, mesh) != CN_OK) fail_msg("%s", s.error.message);
+    const int n = s.body->nnode;
+    double *x = numbers(3 * n), *v = numbers(3 * n), *work = numbers(3 * n), far = 0, moved = 0;
+    int substeps;
+    for (int i = 0; i < n; i++) {
+        const double *p = s.body->rest + 3 * i;
+        s.held[i] = p[0] < 0.01;
+        if (!s.held[i]) s.now->v[3 * i + 1] = 2 * p[0], s.now->v[3 * i] = p[0];
+    }
+    memcpy(x, s.body->rest, 3 * (size_t)n * sizeof *x), memcpy(v, s.now->v, 3 * (size_t)n * sizeof *v);
+    for (int i = 0; i < steps; i++) {
+        stepper_step(&s);
+        assert_int_equal(cn_molecules_explicit(s.body, dt, NULL, s.held, x, v, work, &substeps, NULL), CN_OK);
+    }
+    for (int i = 0; i < n; i++) {
+        far = fmax(far, cn_distance(x + 3 * i, s.now->x + 3 * i));
+        moved = fmax(moved, cn_distance(x + 3 * i, s.body->rest + 3 * i));
+    }
+    free(x), free(v), free(work);
+    stepper_free(&s);
+    cn_tets_free(mesh);
+    return far / moved;
+}
+
+static void the_step_of_a_run_and_the_explicit_one_meet_as_steps_shrink(void **state)
+{
+    (void)state;
+    const double coarse = apart(100), fine = apart(200);
+    assert_true(coarse < 0.05);
+    assert_true(fine / coarse > 0.4 && fine / coarse < 0.6); /* both are of first order */
+}
+
 static void the_stable_step_is_stable_and_not_far_from_the_limit(void **state)
 {
     (void)state;
@@ -688,6 +734,7 @@ int main(void)
         cmocka_unit_test(forces_on_points_do_the_same_work_on_the_molecules),
         cmocka_unit_test(explicit_steps_keep_momentum_and_energy),
         cmocka_unit_test(explicit_and_implicit_steps_agree_as_steps_shrink),
+        cmocka_unit_test(the_step_of_a_run_and_the_explicit_one_meet_as_steps_shrink),
         cmocka_unit_test(the_stable_step_is_stable_and_not_far_from_the_limit),
         cmocka_unit_test(explicit_steps_refuse_what_they_cannot_do),
         cmocka_unit_test(bad_materials_and_missing_shapes_are_refused),
