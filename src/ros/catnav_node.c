@@ -1,6 +1,7 @@
 /* catnav_node.c - the process around the node: SIGINT and SIGTERM cancel the plan and end it with 0, within a
  * second also where something that cannot be cut short (a map of the lumen) is under way: files are written
  * elsewhere and renamed, so that none is left half-written. */
+#include <malloc.h>
 #include <stdio.h>
 #include <sys/time.h>
 #include <unistd.h>
@@ -27,6 +28,8 @@ int main(int argc, char **argv)
     cn_error error = {0};
     cn_node *node;
 
+    /* meshes and maps of many sizes come and go on several threads: what they held goes back */
+    mallopt(M_ARENA_MAX, 2), mallopt(M_MMAP_THRESHOLD, 1 << 17), mallopt(M_TRIM_THRESHOLD, 1 << 20);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
     if (cn_node_new(&node, argc, argv, &stop, &error) != CN_OK) {
