@@ -16,7 +16,7 @@
 #include "polar.h"
 
 enum { TRIES = 8 }; /* on one stretch */
-static const double pi = 3.14159265358979323846;
+static const double pi = 3.14159265358979323846, most_turning = 4 * 3.14159265358979323846; /* for one try */
 
 /* A section of the catheter: its centre, n and heading towards the tip. */
 typedef struct {
@@ -233,7 +233,7 @@ void cn_push_progress(const cn_model_body *body, cn_body_state *state, const cn_
     cn_push *push = &state->push;
     double weight;
     const double angle = steering(body, state, path, &weight);
-    const bool turns = weight > 0.5 && push->turned < 4 * pi;
+    const bool turns = weight > 0.5 && push->turned < most_turning;
 
     if (state->s_goal > push->best + 0.1 * body->spec->waypoint_tolerance)
         push->best = state->s_goal, push->best_at = state->inserted;
@@ -259,6 +259,8 @@ void cn_push_progress(const cn_model_body *body, cn_body_state *state, const cn_
             push->phase = CN_PUSH_ADVANCE, push->best_at = state->inserted;
         else if (fabs(wound(body, state)) > pi && push->tries < TRIES)
             try_again(body, state, path, stretch);
+        else if (fabs(wound(body, state)) > pi)
+            push->phase = CN_PUSH_ADVANCE, push->turned = most_turning;
         break;
     case CN_PUSH_BACK:
         if (state->inserted > 0 && (state->inserted > push->until || push->hidden)) break;
