@@ -5,7 +5,7 @@ BIN   := $(BUILD)/devel/lib/catnav/catnav
 DEMO  := $(BUILD)/demo
 CTEST := cd $(BUILD) && ROS_HOSTNAME=localhost ctest -V -j$(JOBS)
 
-.PHONY: build packages demo test test-reference study fuzz doc clean
+.PHONY: build packages demo test test-reference test-insertions study fuzz doc clean
 
 # catkin leaves paths that do not exist yet out of the test environment: a fresh tree is configured twice
 build: packages
@@ -27,6 +27,12 @@ test: build
 # CATNAV_REFERENCE=DIR and CATNAV_DATA=DIR: the accuracy and geometry tests on other folders
 test-reference: build
 	@$(CTEST) -L reference > $(BUILD)/test.log 2>&1; sh $(CURDIR)/scripts/test_summary.sh $(BUILD)/test.log
+
+# Random insertions judged by the oracle: COUNT of them (10000) drawn from SEED (1), from number FIRST (0) on;
+# scenes of failures stay in build/insertions
+test-insertions: build
+	@CATNAV_ORACLE=$(BUILD)/test/oracle /usr/bin/python3 test/command/insertions.py $(BIN) \
+	    --count $(or $(COUNT),10000) --seed $(or $(SEED),1) --first $(or $(FIRST),0) --keep $(BUILD)/insertions
 
 # Accuracy, stability and speed of every model into build/study/index.md: about half an hour
 study: build

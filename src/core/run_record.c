@@ -228,7 +228,7 @@ void cn_run_finish(cn_run_data *run)
         report->nbody = run->model->nbody;
         for (int b = 0; b < run->model->nbody; b++) {
             const cn_body *body = run->model->body[b].body;
-            report->counts.deformable_nodes += body->npoint;
+            report->counts.deformable_nodes += body->nanchor > 0 ? body->nnode : body->npoint;
             report->counts.dof += 3 * body->nblock;
             report->counts.tets += body->ntet;
             body_figures(run, b, &report->body[b]);

@@ -3,6 +3,7 @@ import json
 import math
 import os
 import re
+import signal
 import subprocess
 import sys
 
@@ -31,7 +32,7 @@ def words_for(scene):
         catheter = body["shape"].get("catheter")
         if catheter and (catheter.get("sheath", "auto") == "on" or catheter.get("sheath", "auto") == "auto" and vessels):
             numbers = [*catheter.get("entry", [0, 0, 0]), *catheter.get("direction", [0, 0, 1]),
-                       catheter["diameter"] / 2 * 1.1]  # a section's corners may lie a little beyond the circle
+                       catheter["diameter"] / 2 * 1.6]  # a triangle as large as the circle reaches 1.56 radii
             words += ["--sheath", ",".join([body["name"], *map(repr, map(float, numbers))])]
     return words
 
@@ -51,7 +52,8 @@ def read_scene(file):
 
 
 def judged(folder, file, scene, *settings, timeout=300, threads=1):
-    """Runs a scene's file with its frames in `folder` and has them judged; the settings must change no place."""
+    """Runs a scene's file with its frames in `folder`, for `timeout` seconds at most, and has them judged. The
+    settings must not change where walls and sheaths are."""
     run = Run()
     frames, report = os.path.join(folder, "frames"), os.path.join(folder, "report.json")
     if os.path.exists(report):
@@ -59,21 +61,24 @@ def judged(folder, file, scene, *settings, timeout=300, threads=1):
     words = [CATNAV, "run", file, "--frames", frames, "--report", report, "--quiet", "--threads", str(threads)]
     for setting in settings:
         words += ["--set", setting]
+    command = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        done = subprocess.run(words, capture_output=True, text=True, timeout=timeout)
+        said = command.communicate(timeout=timeout)
     except subprocess.TimeoutExpired:
-        run.status, run.said, run.report, run.frames = None, "over %g s" % timeout, None, 0
-        run.crossings = run.outside = 0
-        run.places = ""
-        return run
-    run.status, run.said, run.report = done.returncode, done.stdout + done.stderr, None
+        command.send_signal(signal.SIGINT)  # it ends with its step, and what it did until then is judged
+        try:
+            said = command.communicate(timeout=60)
+        except subprocess.TimeoutExpired:
+            command.kill()
+            said = command.communicate()
+    run.status, run.said, run.report = command.returncode, "".join(said), None
     if os.path.exists(report):
         with open(report) as text:
             run.report = json.load(text, parse_constant=lambda word: math.nan)
     run.frames = run.crossings = run.outside = 0
     run.places = ""
     if run.report and run.report["steps"] > 0:
-        done = subprocess.run([ORACLE, frames, *words_for(scene)], capture_output=True, text=True, timeout=timeout)
+        done = subprocess.run([ORACLE, frames, *words_for(scene)], capture_output=True, text=True)
         found = re.match(r"(\d+) frames, (\d+) crossings, (\d+) outside\n", done.stdout)
         if not found:
             raise RuntimeError("the oracle: " + done.stdout + done.stderr)

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include "catnav/run.h"
 #include "catnav/vec3.h"
 #include "contact.h"
 #include "scene_steps.h"
@@ -338,6 +339,37 @@ static void a_wall_that_moves_carries_what_lies_on_it(void **state)
     scene_steps_free(&s);
 }
 
+/* Friction, restitution and penalty are refused where they would not act. */
+static void what_a_response_needs_is_said_before_anything_moves(void **state)
+{
+    static const cn_setting wants[][2] = {
+        {{"contact.friction", "0.1"}, {"contact.method", "project"}},
+        {{"contact.friction", "0.1"}, {"solver.integrator", "trbdf2"}},
+        {{"contact.response", "elastic"}, {"solver.integrator", "trbdf2"}},
+        {{"contact.method", "penalty"}, {"solver.integrator", "trbdf2"}},
+    };
+    static const char *const named[] = {"use method: strict", "use integrator: euler",
+                                        "use integrator: euler", "use integrator: euler"};
+    (void)state;
+    for (int i = 0; i < 4; i++) {
+        scene_steps s;
+        cn_report report;
+        cn_error error = {0};
+        const cn_run_hooks hooks = {0};
+        scene_steps_new(&s,
+                        "step: 0.005\ntime_limit: 0.01\n"
+                        "bodies:\n- name: block\n  shape: {beam: {size: [1, 1, 1], cells: [1, 1, 1]}}\n"
+                        "  model: tet4\n  material: {young: 1.0e+6, poisson: 0.3, density: 1000}\n",
+                        2, wants[i]);
+        assert_int_equal(cn_run(s.world, NULL, NULL, 1, &hooks, &report, &error), CN_OK);
+        assert_int_not_equal(report.verdict.code, CN_VERDICT_RAN);
+        assert_int_equal(report.steps, 0);
+        if (!strstr(report.verdict.message, named[i])) fail_msg("%s", report.verdict.message);
+        cn_report_clear(&report);
+        scene_steps_free(&s);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -347,6 +379,7 @@ int main(void)
         cmocka_unit_test(friction_is_the_gradient_of_its_potential_and_vanishes_over_a_pair),
         cmocka_unit_test(without_a_coefficient_nothing_changes_bit_for_bit),
         cmocka_unit_test(a_wall_that_moves_carries_what_lies_on_it),
+        cmocka_unit_test(what_a_response_needs_is_said_before_anything_moves),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
