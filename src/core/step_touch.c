@@ -224,16 +224,52 @@ cn_status cn_touch_allowed(const cn_group *g, bool anew, double *fraction)
     return status;
 }
 
+enum { SLICES = 16 };
+
+/* Middles of a slender body's slices across its longest side at rest, as they lie now; 0 where a slice
+ * reaches out at rest by more than the body is thick: it is bent already, or has limbs. */
+static int slices(const cn_model_body *body, const double *x, double middle[SLICES][3])
+{
+    const cn_body *b = body->body;
+    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    double rest[SLICES][3] = {{0}};
+    int count[SLICES] = {0}, along = 0, n = 0;
+    for (int i = 0; i < 3 * b->nnode; i++)
+        low[i % 3] = fmin(low[i % 3], b->rest[i]), high[i % 3] = fmax(high[i % 3], b->rest[i]);
+    for (int k = 1; k < 3; k++)
+        if (high[k] - low[k] > high[along] - low[along]) along = k;
+    const double each = SLICES / (high[along] - low[along]);
+    memset(middle, 0, SLICES * sizeof *middle);
+    for (int round = 0; round < 2; round++)
+        for (int i = 0; i < b->nnode; i++) {
+            const int at = (int)(each * (b->rest[3 * i + along] - low[along])),
+                      slice = at < SLICES ? at : at - 1;
+            if (round) {
+                if (cn_distance(b->rest + 3 * i, rest[slice]) > 0.125 * body->size) return 0;
+                continue;
+            }
+            count[slice]++;
+            for (int k = 0; k < 3; k++) { /* running means */
+                rest[slice][k] += (b->rest[3 * i + k] - rest[slice][k]) / count[slice];
+                middle[slice][k] += (x[3 * i + k] - middle[slice][k]) / count[slice];
+            }
+        }
+    for (int i = 0; i < SLICES; i++)
+        if (count[i]) cn_copy3(middle[i], middle[n++]);
+    return n;
+}
+
 bool cn_cannot_fold(const cn_model_body *body, const cn_body_state *state, double *axis)
 {
     const double *x = state->x;
-    double turn = 0, before[3], ahead[3];
+    double turn = 0, before[3], ahead[3], middle[SLICES][3];
     int n = state->nfree;
     if (body->catheter) {
         cn_axis_points(body, state, &n, axis);
         x = axis;
     } else if (body->body->model != CN_BODY_ROD) {
-        return false;
+        if (!body->self || (n = slices(body, state->x, middle)) < 3) return false;
+        x = middle[0];
     }
     for (int i = 1; i < n; i++, cn_copy3(ahead, before)) {
         cn_sub(x + 3 * i, x + 3 * i - 3, ahead);
