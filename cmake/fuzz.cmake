@@ -1,7 +1,7 @@
 # Fuzzers of the file readers: -DCATNAV_FUZZ=ON with clang as the C compiler; scripts/fuzz.sh builds and runs them.
 add_compile_options(-g -O1 -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined)
 file(GLOB READER_SOURCES CONFIGURE_DEPENDS src/core/mesh.c src/core/mesh_read*.c src/core/scene_*.c)
-add_library(${PROJECT_NAME}_readers STATIC ${READER_SOURCES} src/core/status.c src/core/output.c)
+add_library(${PROJECT_NAME}_readers STATIC ${READER_SOURCES} src/core/output.c src/core/status.c)
 target_include_directories(${PROJECT_NAME}_readers PUBLIC include PRIVATE src/core)
 target_compile_definitions(${PROJECT_NAME}_readers PRIVATE _POSIX_C_SOURCE=200809L)
 target_link_libraries(${PROJECT_NAME}_readers PUBLIC ${YAML_LIBRARY} m)

@@ -46,11 +46,15 @@ WAIT = 120  # [s]: what takes longer never comes
 class Node:
     """catnav_node as a process, its scenes in a folder of its own."""
 
-    def __init__(self, name='hammered', **parameters):
-        self.name, self.parameters = '/' + name, {'step': 1e-4, **parameters}
+    made = 0
+
+    def __init__(self, **parameters):
+        Node.made += 1  # a name of its own: rospy keeps connections to the last of that name for a while
+        self.name, self.parameters = f'/hammered_{Node.made}', {'step': 1e-4, **parameters}
         self.folder = tempfile.mkdtemp(prefix='catnav_')
         for file in 'tube.yaml', 'tube.obj':
             shutil.copy(os.path.join(HERE, '../../test/ros', file), self.folder)
+        self.process = None
         atexit.register(self.close)
         self.start()
 
@@ -76,7 +80,7 @@ class Node:
         return self.process.wait(wait), time.monotonic() - start
 
     def close(self):
-        if self.process.poll() is None:
+        if self.process and self.process.poll() is None:
             self.end(signal.SIGTERM)
         shutil.rmtree(self.folder, ignore_errors=True)
 

@@ -156,7 +156,8 @@ cn_status cn_work_grow(cn_work *work);
 /* `state` against the walls, each other and themselves: exact crossings, outside points, least distance. */
 cn_status cn_work_check(const cn_state *state, cn_work *work, cn_findings *findings);
 /* Whether a body's axis turns by so little that it cannot come back to itself: a closed loop, even with a
- * corner where it meets, turns by more than half a circle (Fenchel). axis: scratch (nnode x 3). */
+ * corner where it meets, turns by more than half a circle (Fenchel); and nowhere about less than its own
+ * diameter, where its sections would lie in one another. axis: scratch (nnode x 3). */
 bool cn_cannot_fold(const cn_model_body *body, const cn_body_state *state, double *axis);
 /* Recomputes the residual of the step from `state` to `trial` from inertia, elastic, external, drive and
  * contact forces, apart from the solver (relative to the largest of their norms): of the worst body. */

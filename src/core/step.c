@@ -392,10 +392,17 @@ static cn_status meet_walls(const cn_group *g, cn_state *trial, double dt, cn_st
     } else if (work->model->scene->contact.method == CN_CONTACT_PROJECT) {
         project(g, trial, dt, figures);
     }
+    const bool strict = work->model->scene->contact.method == CN_CONTACT_STRICT;
+    EACH_STAGE(g, s) /* by how it lay at the start a body may have been left out that has folded since */
+    {
+        bool *self = &work->surfaces->surface[s - g->stage].self;
+        *self = *self || (strict && s->part->body->self &&
+                          !cn_cannot_fold(s->part->body, &trial->body[s->part->index], s->part->axis));
+    }
     const cn_status status = check(work, trial, &figures->findings);
     if (figures->findings.outside) figures->gap = fmin(figures->gap, -figures->findings.depth);
     /* never accepted, whatever the response made of it */
-    return g->strict && status == CN_OK && figures->findings.intersections + figures->findings.outside > 0
+    return strict && status == CN_OK && figures->findings.intersections + figures->findings.outside > 0
                ? CN_ERR_NOT_FREE
                : status;
 }

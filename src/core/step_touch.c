@@ -262,7 +262,7 @@ static int slices(const cn_model_body *body, const double *x, double middle[SLIC
 bool cn_cannot_fold(const cn_model_body *body, const cn_body_state *state, double *axis)
 {
     const double *x = state->x;
-    double turn = 0, before[3], ahead[3], middle[SLICES][3];
+    double turn = 0, before[3], ahead[3], middle[SLICES][3], last = 0;
     int n = state->nfree;
     if (body->catheter) {
         cn_axis_points(body, state, &n, axis);
@@ -272,12 +272,15 @@ bool cn_cannot_fold(const cn_model_body *body, const cn_body_state *state, doubl
         x = middle[0];
     }
     for (int i = 1; i < n; i++, cn_copy3(ahead, before)) {
+        const double before_it = last;
         cn_sub(x + 3 * i, x + 3 * i - 3, ahead);
-        cn_normalise(ahead);
+        last = cn_normalise(ahead);
         if (i == 1) continue;
         double cross[3];
         cn_cross(before, ahead, cross);
-        turn += atan2(cn_norm(cross), cn_dot(before, ahead));
+        const double angle = atan2(cn_norm(cross), cn_dot(before, ahead));
+        if (!(angle * body->diameter < fmin(before_it, last))) return false;
+        turn += angle;
     }
     return turn <= acos(-1.0);
 }

@@ -66,6 +66,7 @@ struct cn_node {
     ticket waiting[QUEUE_MOST];
     ticket now;                      /* worked on */
     bool open;                       /* and not yet answered */
+    bool answering;                  /* a cancel is answering it */
     bool preparing;                  /* its scene and map are made, which nothing can cut short */
     char refusal[1024];              /* why the last mesh or the scene was refused, "" when it was not */
     double frame_period;             /* [s] */

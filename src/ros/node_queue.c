@@ -40,7 +40,7 @@ void on_plan(void *user, cn_ros_call call, const cn_ros_request *request)
     const bool taken = !leaving && node->nqueue < (node->open || node->nqueue ? node->queue : 1);
     if (taken) {
         node->waiting[node->nqueue++] = (ticket){call, request};
-        pthread_cond_signal(&node->called);
+        pthread_cond_broadcast(&node->called);
     } else if (leaving) {
         snprintf(why, sizeof why, "the node is shutting down");
     } else if (node->queue == 0) {
@@ -75,13 +75,20 @@ void on_cancel(void *user, cn_ros_call call)
     }
     if (node->open && node->now.call == call) {
         node->cancel = 1; /* a plan under way ends within a step, and is answered with what it reached */
-        if (node->preparing) node->open = false, found = node->now;
+        if (node->preparing) node->open = false, node->answering = true, found = node->now;
     }
     pthread_mutex_unlock(&node->lock);
     if (!found.call) return;
     answer_at_once(node, call, found.request->frame, CN_VERDICT_CANCELLED,
                    ended ? "cancelled while it waited for its turn" : "cancelled before the first step");
-    if (ended) end_call(node, call);
+    if (ended) {
+        end_call(node, call);
+        return;
+    }
+    pthread_mutex_lock(&node->lock);
+    node->answering = false;
+    pthread_cond_broadcast(&node->called);
+    pthread_mutex_unlock(&node->lock);
 }
 
 static void *work(void *user)
@@ -106,6 +113,8 @@ static void *work(void *user)
         pthread_mutex_lock(&node->lock);
         const bool open = node->open; /* a cancel may have answered it */
         node->open = false;
+        while (node->answering) /* it is doing so, and needs the request */
+            pthread_cond_wait(&node->called, &node->lock);
         pthread_mutex_unlock(&node->lock);
         if (open)
             cn_ros_send_answer(node->ros, now.call, &answer);

@@ -8,9 +8,50 @@
 
 using catnav::guarded;
 
+namespace
+{
+using Spec = catnav::PlanCatheterAction;
+
+// A goal whose cancel overtook it is answered by actionlib itself, with an empty result: here it says so.
+class Server : public actionlib::ActionServer<Spec>
+{
+    using Base = actionlib::ActionServerBase<Spec>;
+
+  public:
+    using Base::GoalHandle;
+    using Callback = boost::function<void(GoalHandle)>;
+    Server(ros::NodeHandle &handle, Callback goal, Callback cancel)
+        : actionlib::ActionServer<Spec>(handle, "plan_action", goal, cancel, false),
+          results_(handle.advertise<catnav::PlanCatheterActionResult>("plan_action/result", 64))
+    {
+        start();
+    }
+
+  private:
+    using Base::publishStatus;
+    void publishResult(const actionlib_msgs::GoalStatus &status,
+                       const catnav::PlanCatheterResult &result) override
+    {
+        boost::recursive_mutex::scoped_lock lock(lock_);
+        catnav::PlanCatheterActionResult message;
+        message.header.stamp = ros::Time::now();
+        message.status = status;
+        message.result = result;
+        auto &verdict = message.result.verdict;
+        if (verdict.code == catnav::Verdict::UNKNOWN) {
+            verdict.code = catnav::Verdict::CANCELLED;
+            verdict.message = "cancelled before it came";
+            verdict.element = verdict.step = verdict.waypoint = -1;
+        }
+        results_.publish(message);
+        publishStatus();
+    }
+    ros::Publisher results_;
+};
+} // namespace
+
 class catnav::PlanDoor
 {
-    using Server = actionlib::ActionServer<PlanCatheterAction>;
 
     // Lives from its request to cn_ros_end_call, a service's also until its answer has been handed to roscpp.
     struct Call {
@@ -23,13 +64,13 @@ class catnav::PlanDoor
 
   public:
     PlanDoor(cn_ros *ros, int waiting)
-        : ros_(ros), server_(
-                         ros->handle, "plan_action", [this](Server::GoalHandle g) { onGoal(g); },
-                         [this](Server::GoalHandle g) { onCancel(g); }, false),
+        : ros_(ros),
           // each call of the service holds a thread: one is served, some wait, one is being refused
           spinner_(uint32_t(waiting + 2), &queue_)
     {
-        server_.start();
+        server_ = std::make_unique<Server>(
+            ros->handle, [this](Server::GoalHandle g) { onGoal(g); },
+            [this](Server::GoalHandle g) { onCancel(g); });
         ros::NodeHandle handle(ros->handle);
         handle.setCallbackQueue(&queue_);
         service_ = handle.advertiseService("plan", &PlanDoor::onService, this);
@@ -142,7 +183,7 @@ class catnav::PlanDoor
     std::condition_variable answered_;
     std::map<cn_ros_call, std::shared_ptr<Call>> calls_;
     cn_ros_call last_ = 0;
-    Server server_;
+    std::unique_ptr<Server> server_;
     ros::CallbackQueue queue_;
     ros::ServiceServer service_;
     ros::AsyncSpinner spinner_;

@@ -30,6 +30,10 @@ class Insertions(unittest.TestCase):
         self.assertGreater(ran, COUNT / 2)
         self.assertGreater(touched, 0)
 
+    def test_a_device_that_would_be_turned_inside_out_within_a_step_does_not_cross_itself(self):
+        report, frames, wrong, _ = insertions.insertion(23, 11, timeout=60)
+        self.assertEqual((wrong, frames), ([], report["steps"] + 1))
+
 
 if __name__ == "__main__":
     unittest.main()

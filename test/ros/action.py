@@ -9,8 +9,8 @@ import unittest
 
 import rospy
 import rostest
-from actionlib_msgs.msg import GoalStatus
-from catnav.msg import Limit, PlanCatheterFeedback, Verdict
+from actionlib_msgs.msg import GoalID, GoalStatus
+from catnav.msg import Limit, PlanCatheterActionGoal, PlanCatheterActionResult, PlanCatheterFeedback, Verdict
 
 from shapes import ActionClient, Client, name_of, tube
 
@@ -127,6 +127,25 @@ class Action(unittest.TestCase):
         self.assertFalse(first.done.is_set())
         first.cancel()
         self.ended(first, GoalStatus.PREEMPTED, Verdict.CANCELLED)
+
+    def test_a_goal_whose_cancel_overtook_it_is_answered_as_cancelled(self):
+        results = []
+        listener = rospy.Subscriber('/catnav/plan_action/result', PlanCatheterActionResult, results.append)
+        cancels = rospy.Publisher('/catnav/plan_action/cancel', GoalID, queue_size=1)
+        goals = rospy.Publisher('/catnav/plan_action/goal', PlanCatheterActionGoal, queue_size=1)
+        while not all(c.get_num_connections() for c in (listener, cancels, goals)):
+            rospy.sleep(0.02)
+        goal = PlanCatheterActionGoal()
+        goal.goal_id.id, goal.goal_id.stamp = 'overtaken', rospy.Time.now()
+        cancels.publish(GoalID(rospy.Time.now(), 'overtaken'))
+        rospy.sleep(0.5)
+        goals.publish(goal)
+        end = time.monotonic() + WAIT
+        while not [r for r in results if r.status.goal_id.id == 'overtaken'] and time.monotonic() < end:
+            rospy.sleep(0.05)
+        answer = [r for r in results if r.status.goal_id.id == 'overtaken'][0]
+        self.expect(answer.result, Verdict.CANCELLED)
+        self.assertEqual(answer.status.status, GoalStatus.RECALLED)
 
     def test_a_bad_goal_is_refused_in_words(self):
         self.ended(self.action.send([]), GoalStatus.ABORTED, Verdict.BAD_INPUT, 'waypoint')
