@@ -27,6 +27,7 @@ import rospy
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.realpath(__file__)), '../../test/ros'))
 import roslib.packages  # noqa: E402
+from actionlib import CommState  # noqa: E402
 from actionlib_msgs.msg import GoalID  # noqa: E402
 from catnav.msg import PlanCatheterActionGoal, PlanCatheterFeedback, Verdict  # noqa: E402
 from catnav.srv import WaypointsFile  # noqa: E402
@@ -225,8 +226,7 @@ def flood(seconds=60, **_):
     total = sum(sent.values())
     print(f'flood of {seconds} s: {sent}, {total / seconds:.0f} a second; memory {memory / 2**20:.1f} MiB, at most '
           f'{(highest - memory) / 2**20:+.1f}, afterwards {(after - memory) / 2**20:+.1f} MiB; meshes dropped '
-          f'{figures["meshes dropped"]}, calls refused {figures["calls refused as busy"]}, goals dropped '
-          f'{figures.get("goals dropped", 0)}; steps a second, median: {before[len(before) // 2] if before else 0:.0f} before, '
+          f'{figures["meshes dropped"]}, calls refused {figures["calls refused as busy"]}; steps a second, median: {before[len(before) // 2] if before else 0:.0f} before, '
           f'{during[len(during) // 2] if during else 0:.0f} during; the plan {"lived and " if alive else "DIED, "}'
           f'{"was cancelled" if ended else "DID NOT END"}')
     dropped = int(figures['meshes dropped']) + int(figures['calls refused as busy'])
@@ -258,6 +258,8 @@ def crowd(seconds=60, clients=64, **_):
                 elif what in ('goal', 'cancel'):
                     goal = action.send(SHORT if what == 'goal' else ROUTE)
                     if what == 'cancel':
+                        while goal.handle.get_comm_state() == CommState.WAITING_FOR_GOAL_ACK:
+                            time.sleep(0.01)  # rospy takes a goal for lost whose cancel comes before that
                         time.sleep(dice.uniform(0, 0.2))
                         goal.cancel()
                     if not goal.done.wait(WAIT):

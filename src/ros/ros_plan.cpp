@@ -2,56 +2,14 @@
 #include <cmath>
 #include <condition_variable>
 #include <cstdlib>
-#include <actionlib/server/action_server.h>
-#include <catnav/PlanCatheterAction.h>
+#include "ros_action.h"
 #include "ros_parts.h"
 
 using catnav::guarded;
 
-namespace
-{
-using Spec = catnav::PlanCatheterAction;
-
-// A goal whose cancel overtook it is answered by actionlib itself, with an empty result: here it says so.
-class Server : public actionlib::ActionServer<Spec>
-{
-    using Base = actionlib::ActionServerBase<Spec>;
-
-  public:
-    using Base::GoalHandle;
-    using Callback = boost::function<void(GoalHandle)>;
-    Server(ros::NodeHandle &handle, Callback goal, Callback cancel)
-        : actionlib::ActionServer<Spec>(handle, "plan_action", goal, cancel, false),
-          results_(handle.advertise<catnav::PlanCatheterActionResult>("plan_action/result", 64))
-    {
-        start();
-    }
-
-  private:
-    using Base::publishStatus;
-    void publishResult(const actionlib_msgs::GoalStatus &status,
-                       const catnav::PlanCatheterResult &result) override
-    {
-        boost::recursive_mutex::scoped_lock lock(lock_);
-        catnav::PlanCatheterActionResult message;
-        message.header.stamp = ros::Time::now();
-        message.status = status;
-        message.result = result;
-        auto &verdict = message.result.verdict;
-        if (verdict.code == catnav::Verdict::UNKNOWN) {
-            verdict.code = catnav::Verdict::CANCELLED;
-            verdict.message = "cancelled before it came";
-            verdict.element = verdict.step = verdict.waypoint = -1;
-        }
-        results_.publish(message);
-        publishStatus();
-    }
-    ros::Publisher results_;
-};
-} // namespace
-
 class catnav::PlanDoor
 {
+    using Server = catnav::ActionServer;
 
     // Lives from its request to cn_ros_end_call, a service's also until its answer has been handed to roscpp.
     struct Call {
@@ -69,7 +27,7 @@ class catnav::PlanDoor
           spinner_(uint32_t(waiting + 2), &queue_)
     {
         server_ = std::make_unique<Server>(
-            ros->handle, [this](Server::GoalHandle g) { onGoal(g); },
+            ros->handle, "plan_action", [this](Server::GoalHandle g) { onGoal(g); },
             [this](Server::GoalHandle g) { onCancel(g); });
         ros::NodeHandle handle(ros->handle);
         handle.setCallbackQueue(&queue_);

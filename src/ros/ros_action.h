@@ -1,0 +1,123 @@
+// ros_action.h - the action's server: actionlib's rules for goals, with a status list that stays short.
+#pragma once
+
+#include <actionlib/server/action_server_base.h>
+#include <catnav/PlanCatheterAction.h>
+#include <ros/ros.h>
+
+namespace catnav
+{
+// Where actionlib::ActionServer keeps the cancels of goals that never come for ever, and sends the whole list
+// at every change, this one forgets and waits: so that a flood of goals and cancels costs what a few do. A
+// goal whose cancel overtook it is answered with a verdict too.
+class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
+{
+    using Base = actionlib::ActionServerBase<PlanCatheterAction>;
+
+  public:
+    using Callback = boost::function<void(GoalHandle)>;
+    ActionServer(const ros::NodeHandle &handle, const std::string &name, Callback goal, Callback cancel)
+        : Base(goal, cancel, false), node_(handle, name)
+    {
+        start();
+    }
+
+  private:
+    static constexpr size_t kept = 256;         // ended goals in the status list at most
+    static constexpr double between = 0.01;     // [s]: two status messages
+    static constexpr double status_rate = 10.0; // [1/s]
+
+    void initialize() override
+    {
+        result_ = node_.advertise<PlanCatheterActionResult>("result", 256);
+        feedback_ = node_.advertise<PlanCatheterActionFeedback>("feedback", 64);
+        status_ = node_.advertise<actionlib_msgs::GoalStatusArray>("status", 16, true);
+        status_list_timeout_ = ros::Duration(node_.param("status_list_timeout", 5.0));
+        timer_ =
+            node_.createWallTimer(ros::WallDuration(1 / status_rate), [this](const ros::WallTimerEvent &) {
+                boost::recursive_mutex::scoped_lock lock(lock_);
+                told_ = ros::WallTime();
+                if (started_) publishStatus();
+            });
+        goal_ = node_.subscribe<PlanCatheterActionGoal>(
+            "goal", 256, [this](const PlanCatheterActionGoal::ConstPtr &m) { goalCallback(m); });
+        cancel_ = node_.subscribe<actionlib_msgs::GoalID>(
+            "cancel", 256, [this](const actionlib_msgs::GoalID::ConstPtr &m) { onCancel(m); });
+    }
+
+    void onCancel(const actionlib_msgs::GoalID::ConstPtr &message)
+    {
+        cancelCallback(message);
+        boost::recursive_mutex::scoped_lock lock(lock_);
+        for (auto i = status_list_.rbegin(); i != status_list_.rend(); ++i) { // one for a goal yet to come
+            if (i->status_.status != actionlib_msgs::GoalStatus::RECALLING) break;
+            if (i->handle_tracker_.expired() && i->handle_destruction_time_.isZero())
+                i->handle_destruction_time_ = ros::Time::now();
+        }
+        forget();
+    }
+
+    // Goals that ended long ago, and the oldest ended ones where there are many.
+    void forget()
+    {
+        const ros::Time now = ros::Time::now();
+        size_t many = status_list_.size() > kept ? status_list_.size() - kept : 0;
+        for (auto i = status_list_.begin(); i != status_list_.end();) {
+            const bool ended = i->handle_tracker_.expired() && !i->handle_destruction_time_.isZero();
+            if (!ended || (!many && i->handle_destruction_time_ + status_list_timeout_ >= now)) {
+                ++i;
+                continue;
+            }
+            i = status_list_.erase(i);
+            if (many) many--;
+        }
+    }
+
+    void publishResult(const actionlib_msgs::GoalStatus &status, const Result &result) override
+    {
+        boost::recursive_mutex::scoped_lock lock(lock_);
+        PlanCatheterActionResult message;
+        message.header.stamp = ros::Time::now();
+        message.status = status;
+        message.result = result;
+        auto &verdict = message.result.verdict;
+        if (verdict.code == Verdict::UNKNOWN) {
+            verdict.code = Verdict::CANCELLED;
+            verdict.message = "cancelled before it came";
+            verdict.element = verdict.step = verdict.waypoint = -1;
+        }
+        result_.publish(message);
+        publishStatus();
+    }
+
+    void publishFeedback(const actionlib_msgs::GoalStatus &status, const Feedback &feedback) override
+    {
+        PlanCatheterActionFeedback message;
+        message.header.stamp = ros::Time::now();
+        message.status = status;
+        message.feedback = feedback;
+        feedback_.publish(message);
+    }
+
+    // At most every `between`: the timer tells what was held back.
+    void publishStatus() override
+    {
+        boost::recursive_mutex::scoped_lock lock(lock_);
+        const ros::WallTime now = ros::WallTime::now();
+        if (now - told_ < ros::WallDuration(between)) return;
+        told_ = now;
+        forget();
+        actionlib_msgs::GoalStatusArray message;
+        message.header.stamp = ros::Time::now();
+        for (const auto &entry : status_list_)
+            message.status_list.push_back(entry.status_);
+        status_.publish(message);
+    }
+
+    ros::NodeHandle node_;
+    ros::Publisher result_, feedback_, status_;
+    ros::Subscriber goal_, cancel_;
+    ros::WallTimer timer_;
+    ros::WallTime told_;
+};
+} // namespace catnav
