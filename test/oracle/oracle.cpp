@@ -474,13 +474,17 @@ int judge_run(int argc, char **argv)
     }
     for (int i = 0;; i++) {
         const std::string file = folder + "/wall_" + std::to_string(i) + ".vtp";
-        if (!std::ifstream(file)) break;
+        if (!deforming.count(i) && !std::ifstream(file)) break;
         Part part;
         part.name = deforming.count(i) ? deforming[i] : "wall_" + std::to_string(i);
         part.wall = true, part.vessel = i < nvessel, part.deforms = deforming.count(i);
-        part.take(surface_of(file));
+        if (!part.deforms) part.take(surface_of(file));
         parts.push_back(std::move(part));
     }
+
+    if (nvessel < INT_MAX && parts.size() < static_cast<size_t>(nvessel))
+        throw std::runtime_error(folder + ": " + std::to_string(parts.size()) + " walls are there, " +
+                                 std::to_string(nvessel) + " vessels were told");
 
     Judge judge;
     std::istringstream index(text_of(folder + "/frames.pvd"));
