@@ -375,6 +375,29 @@ static cn_status check(cn_work *work, const cn_state *state, cn_findings *findin
                             findings, work->pool);
 }
 
+/* Could the body cross itself now: by its axis, or by a tetrahedron that is inside out? */
+static bool folds(const cn_group *g, int p, const cn_state *trial)
+{
+    cn_work *work = g->work;
+    const cn_part *part = g->stage[p].part;
+    const cn_body *b = part->body->body;
+    if (!cn_cannot_fold(part->body, &trial->body[part->index], part->axis)) return true;
+    gather(work, trial);
+    const double *x = work->points + 3 * (size_t)work->surfaces->surface[p].first;
+    for (int t = 0; t < b->ntet; t++) {
+        const int *tet = b->tet + 4 * t;
+        double e[3][3], across[3];
+        bool out = tet[0] < work->nfree[p];
+        for (int k = 0; k < 3; k++) {
+            out = out && tet[k + 1] < work->nfree[p];
+            cn_sub(x + 3 * tet[k + 1], x + 3 * tet[0], e[k]);
+        }
+        cn_cross(e[0], e[1], across);
+        if (out && !(cn_dot(across, e[2]) > 0)) return true;
+    }
+    return false;
+}
+
 /* What the contact's response makes of the new state, and the check. */
 static cn_status meet_walls(const cn_group *g, cn_state *trial, double dt, cn_step_figures *figures)
 {
@@ -393,12 +416,9 @@ static cn_status meet_walls(const cn_group *g, cn_state *trial, double dt, cn_st
         project(g, trial, dt, figures);
     }
     const bool strict = work->model->scene->contact.method == CN_CONTACT_STRICT;
-    EACH_STAGE(g, s) /* by how it lay at the start a body may have been left out that has folded since */
-    {
-        bool *self = &work->surfaces->surface[s - g->stage].self;
-        *self = *self || (strict && s->part->body->self &&
-                          !cn_cannot_fold(s->part->body, &trial->body[s->part->index], s->part->axis));
-    }
+    for (int p = 0; strict && p < g->n; p++) /* left out by how it lay at the start, and it may have folded */
+        if (work->part[p].body->self && !work->surfaces->surface[p].self)
+            work->surfaces->surface[p].self = folds(g, p, trial);
     const cn_status status = check(work, trial, &figures->findings);
     if (figures->findings.outside) figures->gap = fmin(figures->gap, -figures->findings.depth);
     /* never accepted, whatever the response made of it */
