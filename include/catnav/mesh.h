@@ -44,6 +44,10 @@ cn_status cn_tets_read(cn_tets **out, const char *path, cn_error *error);
 /* Writes ASCII STL, for tests and tools. */
 cn_status cn_surface_write_stl(const cn_surface *surface, const char *path, cn_error *error);
 
+/* The same shape with no edge longer than `longest` [m]: longer ones are halved until none is. The vertices
+ * that were there come first. CN_ERR_ARG: not positive, or there would be millions of triangles. */
+cn_status cn_surface_cut(cn_surface **out, const cn_surface *surface, double longest);
+
 /* x = R(rotate) (scale X) + translate, in place. */
 typedef struct {
     double scale;        /* metres per file unit */

@@ -306,6 +306,43 @@ static void every_allocation_may_fail(void **state)
         }
 }
 
+/* No long edge is left, every vertex lies where the surface was, and what is closed stays so. */
+static void a_cut_surface_is_the_same_shape_with_short_edges(void **state)
+{
+    (void)state;
+    for (int c = 0; c < 12; c++) {
+        const double size[3] = {1, 0.3 + 0.1 * c, 0.07 * (1 + c)}, longest = c % 3 ? 0.11 : 0.5;
+        cn_surface *box, *cut;
+        cn_doctor doctor;
+        assert_int_equal(cn_surface_box(&box, (double[]){0, 0, 0}, size), CN_OK);
+        assert_int_equal(cn_surface_cut(&cut, box, longest), CN_OK);
+        for (int v = 0; v < cut->nvert; v++) {
+            int on = 0;
+            for (int k = 0; k < 3; k++) {
+                const double x = cut->vert[3 * v + k];
+                assert_true(x >= 0 && x <= size[k]);
+                on += x == 0 || x == size[k];
+            }
+            assert_true(on > 0);
+        }
+        for (int e = 0; e < 3 * cut->ntri; e++)
+            assert_true(cn_distance(cut->vert + 3 * cut->tri[e],
+                                    cut->vert + 3 * cut->tri[e - e % 3 + (e + 1) % 3]) <= longest);
+        assert_memory_equal(cut->vert, box->vert, 3 * (size_t)box->nvert * sizeof *box->vert);
+        assert_int_equal(cn_surface_check(cut, true, &doctor, NULL), CN_OK);
+        assert_true(doctor.closed && doctor.manifold && doctor.merged == 0 && doctor.degenerate == 0);
+        assert_true(fabs(doctor.volume - size[0] * size[1] * size[2]) < 1e-12);
+        cn_surface_free(cut);
+        assert_int_equal(cn_surface_cut(&cut, box, 10), CN_OK); /* nothing to do */
+        assert_int_equal(cut->ntri, box->ntri);
+        cn_surface_free(cut);
+        assert_int_equal(cn_surface_cut(&cut, box, c % 2 ? 0 : NAN), CN_ERR_ARG);
+        assert_int_equal(cn_surface_cut(&cut, box, 1e-6), CN_ERR_ARG);
+        assert_null(cut);
+        cn_surface_free(box);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -321,6 +358,7 @@ int main(void)
         cmocka_unit_test(rings_do_not_twist),
         cmocka_unit_test(surface_arguments_out_of_range_are_refused),
         cmocka_unit_test(every_allocation_may_fail),
+        cmocka_unit_test(a_cut_surface_is_the_same_shape_with_short_edges),
     };
     return cmocka_run_group_tests_name("mesh_shapes", tests, NULL, NULL);
 }
