@@ -35,11 +35,11 @@ typedef struct cn_scatter cn_scatter;
 typedef struct {
     cn_body_model model;
     int nnode, nblock, nturn;
-    int nelement; /* what limits name: tetrahedra, a rod's segments, links, a wall's triangles */
-    int nper, *connect;                /* blocks that each element couples               (nelement x nper) */
-    double *rest;                      /* rest positions of nodes [m]                    (nnode x 3)    */
-    double *mass;                      /* lumped node masses [kg]                        (nnode)        */
-    double *inertia;                   /* rod: of a node about its frame's axes [kg m^2] (nnode x 3)    */
+    int nelement;       /* what limits name: tetrahedra, a rod's segments, links, a wall's triangles */
+    int nper, *connect; /* blocks that each element couples               (nelement x nper) */
+    double *rest;       /* rest positions of nodes [m]                    (nnode x 3)    */
+    double *mass;       /* lumped node masses [kg]                        (nnode)        */
+    double *inertia;    /* rod: of a node about its frame's axes [kg m^2] (nnode x 3)    */
     double damping, damping_stiffness; /* [1/s], [s] */
     double rest_volume;                /* [m^3] */
     double spring;        /* stiffness of elements [N/m], root of the mean square over nodes: for round-off */
@@ -50,6 +50,7 @@ typedef struct {
     int *mid;             /* tet10: amid 01 12 20 03 13 23 (as VTK)         (ntet x 6)     */
     cn_surface *boundary; /* outward triangles over the points (vert is NULL); tet10: four a face */
     int nanchor;          /* molecules: anchors of a point, which lies at sum weight x(anchor); else 0 */
+    int *upto;            /* points of the first n nodes, NULL: as many for each node (nnode + 1) */
     int *anchor;          /* the nearest to the point first             (npoint x nanchor) */
     double *weight;       /* their sum 1                                (npoint x nanchor) */
     const struct cn_body_methods *methods; /* of the model (private) */
@@ -166,16 +167,16 @@ typedef struct {
     int inverted;  /* elements with V <= 0 (tet10: at any integration point) */
     double volume; /* now [m^3] */
 } cn_measures;
-/* Of molecules: `volume` is the strain |l / L - 1| of links (the largest, and |mean(l/L - 1)|: a uniform change
- * of volume is three times as large), the volume now by the trace of strain that links show at each molecule;
- * stress is a molecule's, von Mises of the virial sum_j f d' / (2 V), named by its most stretched link (mean:
- * of molecules); inverted: whose frame neighbours span the other way round.
- * Of an element: tet4 its own; tet10 volume by integration, the largest stress of its integration points; rod
- * by its section strains: volume (1 - 2 nu) |strain| of the outermost fibre (mean: of the axis), von Mises of
- * fibre stress and twist's shear; wall volume change (1 - 2 nu) / (1 - nu) (e_xx + e_yy) in its plane, the
- * thickness following in plane stress, von Mises of plane stress, both at the worse face where a shell bends
- * (mean volume: amid its thickness), energy with the foundation's. von_mises (ntet, may be NULL) [Pa]: of a
- * rod, what its section has at each tetrahedron's centre; of a wall (nelement). Inactive elements count as at
+/* Of molecules: `volume` is the strain |l / L - 1| of links (the largest, and |mean(l/L - 1)|: a uniform
+ * change of volume is three times as large), the volume now by the trace of strain that links show at each
+ * molecule; stress is a molecule's, von Mises of the virial sum_j f d' / (2 V), named by its most stretched
+ * link (mean: of molecules); inverted: whose frame neighbours span the other way round. Of an element: tet4
+ * its own; tet10 volume by integration, the largest stress of its integration points; rod by its section
+ * strains: volume (1 - 2 nu) |strain| of the outermost fibre (mean: of the axis), von Mises of fibre stress
+ * and twist's shear; wall volume change (1 - 2 nu) / (1 - nu) (e_xx + e_yy) in its plane, the thickness
+ * following in plane stress, von Mises of plane stress, both at the worse face where a shell bends (mean
+ * volume: amid its thickness), energy with the foundation's. von_mises (ntet, may be NULL) [Pa]: of a rod,
+ * what its section has at each tetrahedron's centre; of a wall (nelement). Inactive elements count as at
  * rest. Allocates nothing. */
 void cn_body_measure(const cn_body *body, int nactive, const double *x, double *rotation, bool with_stress,
                      cn_measures *measures, double *von_mises, struct cn_pool *pool);
@@ -191,13 +192,13 @@ int cn_body_node_of(const cn_body *body, int point);
  * triangles. */
 int cn_body_cells(const cn_body *body);
 /* How points hang on blocks at x: point p moves by d x(block node) + arm d x(block node + nnode), or, with
- * nper > 0, by sum_k weight d x(anchor), without arms. */
+ * nper > 0, by sum_k weight d x(anchor), of a rod besides arm_k d x(anchor + nnode). */
 typedef struct {
-    const int *node;      /* (npoint) */
-    double *arm;          /* 3x3 row-major [m] (npoint x 9), filled by cn_body_carry; NULL with nper > 0 */
-    int turn;             /* first rotation block: nnode */
-    int nper;             /* 0: one node and its arm */
-    const int *anchor;    /* the body's (npoint x nper) */
+    const int *node;   /* (npoint) */
+    double *arm;       /* 3x3 row-major [m] (npoint x max(nper, 1) x 9), filled by cn_body_carry, or NULL */
+    int turn;          /* first rotation block: nnode */
+    int nper;          /* 0: one node and its arm */
+    const int *anchor; /* the body's (npoint x nper) */
     const double *weight; /* the body's (npoint x nper) */
 } cn_carry;
 cn_status cn_carry_new(cn_carry **out, const cn_body *body); /* *out NULL where the points are the nodes */

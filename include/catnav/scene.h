@@ -203,6 +203,7 @@ typedef struct {
     cn_limit *limit;
     cn_skin_source skin_source;
     cn_skin_kind skin_kind; /* CN_SKIN_AUTO: by the model */
+    bool skin_contact;      /* contact acts on the skin, else on the body's own surface */
     int skin_sides, skin_anchors;
     double skin_cell; /* [m], 0: half the radius of molecules */
     char *skin_file;
@@ -218,7 +219,12 @@ typedef enum {
     CN_LINEAR_CHAIN,
     CN_LINEAR_PCG
 } cn_linear;
-typedef enum { CN_INTEGRATOR_EULER, CN_INTEGRATOR_MIDPOINT, CN_INTEGRATOR_TRBDF2 } cn_integrator;
+typedef enum {
+    CN_INTEGRATOR_EULER,
+    CN_INTEGRATOR_MIDPOINT,
+    CN_INTEGRATOR_TRBDF2,
+    CN_INTEGRATOR_EXPLICIT
+} cn_integrator;
 
 typedef struct {
     char *path; /* the file it came from, "" if none */
@@ -264,9 +270,10 @@ typedef struct {
 cn_status cn_scene_read(cn_scene **out, const char *path, int nsetting, const cn_setting *setting,
                         cn_error *error);
 void cn_scene_free(cn_scene *scene);
-/* Writes scene file `from` to `to` (may be the same) with other waypoints of the first body: the first replaces
- * a catheter's entry, the others its waypoints; all else stays as it stands, comments too. Written elsewhere,
- * read back, then renamed: `to` is either as before or whole. Files named in it are looked for from `to`. */
+/* Writes scene file `from` to `to` (may be the same) with other waypoints of the first body: the first
+ * replaces a catheter's entry, the others its waypoints; all else stays as it stands, comments too. Written
+ * elsewhere, read back, then renamed: `to` is either as before or whole. Files named in it are looked for
+ * from `to`. */
 cn_status cn_scene_write_waypoints(const char *from, const char *to, int nwaypoint, const double *waypoint,
                                    cn_error *error);
 /* Every key of the schema as YAML with comment, default, range, unit (what all_keys.yaml holds). */

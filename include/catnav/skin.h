@@ -82,6 +82,20 @@ cn_status cn_skin_update(const cn_skin *skin, const double *place, const double 
 void cn_skin_pull(const cn_skin *skin, const cn_skin_state *state, const double *place, const double *force,
                   double *to, double *moment);
 
+/* What contact meets where it is the skin that it acts on: a body without elements whose points are the
+ * skin's vertices, those first that hang on the leading nodes alone; its boundary is the skin, its volume
+ * what that encloses (0: open), and cn_body_points, cn_carry_new, cn_body_carry, cn_body_pull are the map and
+ * its transpose. They agree but for a blended skin on nodes that have no rotations: that lies where it is
+ * shown, and is taken to move by the weights alone, which is no gradient of where it lies. `on` and the skin
+ * must outlive it. cn_body_points uses scratch of its own: not for two threads at once. CN_ERR_MEMORY. */
+cn_status cn_skin_touch(cn_body **out, const cn_skin *skin, const cn_body *on);
+/* Whether they agree. */
+bool cn_skin_moves_by_weights(const cn_skin *skin, const cn_body *on);
+/* Embeds a surface in molecules: each vertex on four near ones, by weights that carry any affine motion
+ * exactly. CN_ERR_ARG: no molecules; CN_ERR_MESH also: those near a vertex lie in a plane. */
+cn_status cn_skin_new_molecules(cn_skin **out, const cn_surface *surface, const cn_body *body,
+                                cn_error *error);
+
 /* Rotations of a body's nodes as anchors at x (turn: nnode x 4 unit quaternions). A rod's are its frames at
  * the start of the step, which are those at x between steps (rest: cn_body_rotation_start); molecules' those
  * of their local frames. Tetrahedra: the normalised sum of the rotations (nturn x 4) of the elements around,

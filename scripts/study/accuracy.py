@@ -14,7 +14,8 @@ def ways(study, problem, model):
     if not study.quick:
         found += [("own", linear, "euler") for linear in problem.solvers if linear in study.linear]
     if problem.steps[0] is not None:
-        found += [("own", "auto", integrator) for integrator in study.integrators if integrator != "euler"]
+        found += [("own", "auto", integrator) for integrator in study.integrators if integrator != "euler" and
+                  (integrator != "explicit" or model == "molecules")]
     if model == "tet4":
         found.append(("paper", "cg", "euler"))
     return found
@@ -75,7 +76,7 @@ def study_problem(study, problem):
     if not problem.converge(study):
         return rows
     file = study.write_scene(problem.name, problem.scene)
-    for model in study.models:
+    for model in study.models + (study.tissues if problem.tissue else []):
         for way in ways(study, problem, model):
             pairs = pairs_of(problem.settings(model, study.quick), problem.steps_of(model))
             other_solver = way[0] == "own" and way[1] != "auto"
@@ -123,7 +124,8 @@ def run(study):
                "bodies.")
     study.stiffness = stiffness(study)
     rows = []
-    kinds = [problems.Cantilever, problems.Elastica, problems.OwnWeight, problems.Twist, problems.Swing]
+    kinds = [problems.Cantilever, problems.Elastica, problems.OwnWeight, problems.Twist, problems.Sway,
+             problems.Swing]
     for kind in kinds if study.quick else kinds + [problems.Liver]:
         try:
             problem = kind(study)

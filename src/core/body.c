@@ -76,7 +76,7 @@ void cn_body_free(cn_body *body)
     free(body->rest);
     free(body->mass);
     free(body->inertia);
-    free(body->anchor), free(body->weight);
+    free(body->anchor), free(body->weight), free(body->upto);
     free(body->volume);
     free(body->mu);
     free(body->lambda);
@@ -150,7 +150,7 @@ const double *cn_body_points(const cn_body *body, int nactive, const double *x, 
 
 int cn_body_points_of(const cn_body *body, int n)
 {
-    return (int)((long long)n * body->npoint / body->nnode);
+    return body->upto ? body->upto[n] : (int)((long long)n * body->npoint / body->nnode);
 }
 
 int cn_body_node_of(const cn_body *body, int point)
@@ -170,8 +170,10 @@ cn_status cn_carry_new(cn_carry **out, const cn_body *body)
     if (!body->methods->carry) return CN_OK;
     cn_carry *carry = calloc(1, sizeof *carry);
     int *node = calloc((size_t)body->npoint + 1, sizeof *node);
-    double *arm = body->nanchor ? NULL : calloc((size_t)body->npoint + 1, 9 * sizeof *arm);
-    if (!carry || !node || (!arm && !body->nanchor)) {
+    const bool turns = body->nblock > body->nnode; /* a rod's */
+    const size_t per = body->nanchor > 0 ? 9 * (size_t)body->nanchor : 9;
+    double *arm = turns ? calloc((size_t)body->npoint + 1, per * sizeof *arm) : NULL;
+    if (!carry || !node || (turns && !arm)) {
         free(carry), free(node), free(arm);
         return CN_ERR_MEMORY;
     }

@@ -214,16 +214,18 @@ int cn_contact_project(const cn_contact_model *model, cn_contact *contact, const
                        const double *mass, double *x, double *v, cn_response response, double restitution,
                        int passes);
 
-/* Egger's response (contact_penalty.c): node `node` of surface's body is to be pushed by surface `other` out
- * along n, from `depth` inside. */
+/* Egger's response (contact_penalty.c): `point` of surface, the deepest of those next to `node` of its body,
+ * is to be pushed by surface `other` out along n, from `depth` inside. */
 typedef struct {
-    int surface, other, node;
+    int surface, other, node, point;
     double n[3];  /* unit */
     double depth; /* > 0 [m] */
 } cn_penalty_spring;
 typedef struct {
     int nspring, capacity;
     cn_penalty_spring *spring;
+    int nlink; /* of springs on what hangs on nodes that no matrix joins */
+    cn_link *link;
     struct cn_penalty_scratch *scratch;
 } cn_penalty;
 /* Model and contact must outlive it. */

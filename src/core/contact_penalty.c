@@ -5,7 +5,8 @@
  * inside the other join it, and theirs, until none is left. Each such face pushes its corners that are
  * inside, by their depth along the normal of the other's face it met: a crossing face each face it crosses,
  * an immersed one the face nearest to its centre. Corners go to their anchor, the nearest node; an anchor is
- * pushed along the sum of its faces' pushes, as deep as the deepest of them. A face that crosses without a
+ * pushed along the sum of its faces' pushes, as deep as the deepest of them, which is where the spring acts:
+ * what hangs on several nodes gives each its share back. A face that crosses without a
  * corner inside, pierced by the other's corner or edge, pushes its lowest corner out by the shorter of the
  * two ways apart. */
 #include "contact_parts.h"
@@ -19,7 +20,8 @@ typedef struct {
 
 /* Of a node, while two surfaces are looked at. */
 typedef struct {
-    int round; /* sum and deepest are of this one */
+    int round; /* the rest is of this one */
+    int point; /* the deepest */
     double sum[3], deepest;
 } anchor;
 
@@ -166,7 +168,7 @@ static void push(struct cn_penalty_scratch *s, int a, int point, double depth, c
         s->node[(*nnode)++] = node;
     }
     cn_axpy(depth, n, at->sum);
-    at->deepest = fmax(at->deepest, depth);
+    if (depth > at->deepest) at->deepest = depth, at->point = point - own->first;
 }
 
 /* The corners p of a face that are inside, along the normal of the other's face; -1: of that nearest to each.
@@ -254,7 +256,8 @@ static bool push_away(cn_penalty *penalty, int a, int b)
     }
     for (int i = 0; i < nnode; i++) {
         const anchor *at = &s->anchor[s->node[i]];
-        cn_penalty_spring out = {.surface = a, .other = b, .node = s->node[i], .depth = at->deepest};
+        cn_penalty_spring out = {
+            .surface = a, .other = b, .node = s->node[i], .point = at->point, .depth = at->deepest};
         cn_copy3(at->sum, out.n);
         if (!(cn_normalise(out.n) > 0)) continue; /* pushed both ways alike */
         if (penalty->nspring == penalty->capacity) return false;
@@ -353,12 +356,13 @@ cn_status cn_penalty_new(cn_penalty **out, const cn_contact_model *model, cn_con
     if (!penalty) return CN_ERR_MEMORY;
     penalty->capacity = 1024;
     penalty->spring = malloc((size_t)penalty->capacity * sizeof *penalty->spring);
+    penalty->link = malloc((size_t)penalty->capacity * sizeof *penalty->link);
     if ((penalty->scratch = calloc(1, sizeof *penalty->scratch))) {
         penalty->scratch->model = model, penalty->scratch->contact = contact;
         penalty->scratch->hit_capacity = 4096;
         status = scratch_memory(penalty->scratch);
     }
-    if (penalty->spring && status == CN_OK) {
+    if (penalty->spring && penalty->link && status == CN_OK) {
         *out = penalty;
         return CN_OK;
     }
@@ -378,7 +382,7 @@ void cn_penalty_free(cn_penalty *penalty)
         free(s->neighbour), free(s->seen), free(s->hit);
         free(s->face), free(s->node), free(s->anchor), free(s);
     }
-    free(penalty->spring);
+    free(penalty->spring), free(penalty->link);
     free(penalty);
 }
 
@@ -386,8 +390,11 @@ cn_status cn_penalty_grow(cn_penalty *penalty)
 {
     struct cn_penalty_scratch *s = penalty->scratch;
     cn_penalty_spring *spring = realloc(penalty->spring, 4 * (size_t)penalty->capacity * sizeof *spring);
-    if (!spring) return CN_ERR_MEMORY;
-    penalty->spring = spring, penalty->capacity *= 4;
+    if (spring) penalty->spring = spring;
+    cn_link *link = realloc(penalty->link, 4 * (size_t)penalty->capacity * sizeof *link);
+    if (link) penalty->link = link;
+    if (!spring || !link) return CN_ERR_MEMORY;
+    penalty->capacity *= 4;
     hit *more = realloc(s->hit, 4 * (size_t)s->hit_capacity * sizeof *more);
     if (!more) return CN_ERR_MEMORY;
     s->hit = more, s->hit_capacity *= 4;

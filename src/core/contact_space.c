@@ -211,7 +211,7 @@ double cn_contact_depth_in(const cn_contact_model *model, const cn_contact *cont
                            const double p[3])
 {
     const cn_contact_surface *of = &model->surface[surface];
-    if (!of->body || of->wall >= 0 || of->body->ntet == 0) return 0;
+    if (!of->body || of->wall >= 0 || !(of->body->rest_volume > 0)) return 0;
     if (!inside_surface(contact->space, surface, NULL, p)) return 0;
     return nearest_on(contact->space, surface, p, INFINITY);
 }

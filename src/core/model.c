@@ -9,21 +9,24 @@
 #include <string.h>
 #include "catnav/vec3.h"
 
-/* Nodes of a beam's +x face, of a rod its end. */
+/* Nodes of a beam's +x face, of a rod its end, of molecules points of their surface. */
 static cn_status find_tip(cn_model_body *out)
 {
     const cn_body *body = out->body;
     const cn_placement *place = &out->spec->shape.placement;
     const double length = out->spec->shape.beam.size[0] * place->scale;
     double end[2][3] = {{0, 0, 0}, {out->spec->shape.beam.size[0], 0, 0}}, along[3];
-    if (!(out->tip = malloc((size_t)body->nnode * sizeof *out->tip))) return CN_ERR_MEMORY;
+    const bool points = body->nanchor > 0;
+    const double *at = points ? body->point : body->rest;
+    const int n = points ? body->npoint : body->nnode;
+    if (!(out->tip = malloc(((size_t)n + 1) * sizeof *out->tip))) return CN_ERR_MEMORY;
     if (out->spec->shape.kind != CN_SHAPE_BEAM) return CN_OK;
     cn_place_points(place, 2, end[0]);
     cn_sub(end[1], end[0], along);
     cn_normalise(along);
-    for (int i = 0; i < body->nnode; i++) {
+    for (int i = 0; i < n; i++) {
         double from[3];
-        cn_sub(body->rest + 3 * i, end[1], from);
+        cn_sub(at + 3 * i, end[1], from);
         if (cn_dot(from, along) >= -1e-9 * length) out->tip[out->ntip++] = i;
     }
     return CN_OK;
@@ -200,7 +203,7 @@ static cn_status drive_geometry(cn_model_body *out, cn_error *error)
 /* The barrier of a body that something can touch. */
 static void contact_of(cn_model_body *out, const cn_scene *scene)
 {
-    const cn_body *body = out->body;
+    const cn_body *body = cn_touch_body(out);
     double edges = 0;
     for (int t = 0; t < body->boundary->ntri; t++)
         for (int k = 0; k < 3; k++)
@@ -218,7 +221,7 @@ static void contact_of(cn_model_body *out, const cn_scene *scene)
  * and surface is. */
 static bool can_fold(const cn_model_body *body)
 {
-    const cn_body *b = body->body;
+    const cn_body *b = cn_touch_body(body);
     double area = 0;
     for (int t = 0; t < b->boundary->ntri; t++) {
         const int *tri = b->boundary->tri + 3 * t;
@@ -228,19 +231,23 @@ static bool can_fold(const cn_model_body *body)
         cn_cross(e1, e2, n);
         area += 0.5 * cn_norm(n);
     }
-    return area > 0 && body->size > 8 * 4 * b->rest_volume / area;
+    return area > 0 && body->size > 8 * 4 * body->body->rest_volume / area;
 }
 
-/* Molecules in the body's shape, or as the file gives them. */
+/* Molecules in the body's shape, or as the file gives them. Its surface is cut to their spacing: each part of
+ * it hangs on what lies behind it. */
 static cn_status build_molecules(cn_model_body *out, const cn_world *world, unsigned seed, cn_error *error)
 {
     const cn_body_spec *spec = out->spec;
     const cn_molecules_spec molecules = {.radius = spec->molecule_radius > 0 ? spec->molecule_radius : 0.01,
                                          .jittered = spec->molecule_jittered,
                                          .file = spec->molecule_file};
-    cn_surface *surface = NULL;
+    cn_surface *whole = NULL, *surface = NULL;
     cn_status status = CN_OK;
-    if (!spec->wall) status = cn_model_surface(&surface, &spec->shape, error);
+    if (!spec->wall) status = cn_model_surface(&whole, &spec->shape, error);
+    if (whole && (status = cn_surface_cut(&surface, whole, 2 * molecules.radius)) == CN_ERR_ARG)
+        surface = whole, whole = NULL, status = CN_OK; /* too many: that is for the filling to refuse */
+    cn_surface_free(whole);
     if (status == CN_OK)
         status = cn_body_new_molecules(&out->body, spec->wall ? world->wall[out->wall].surface : surface,
                                        &molecules, seed, &spec->material, error);
@@ -332,6 +339,17 @@ done:
     return status;
 }
 
+/* Whether a body can touch itself, and its barrier. */
+static void what_touches(const cn_model *model, cn_model_body *body)
+{
+    const cn_scene *scene = model->scene;
+    const bool done = scene->leave_out.self_contact == CN_OFF || scene->contact.self == CN_ON;
+    body->self = scene->contact.method != CN_CONTACT_NONE && scene->leave_out.self_contact != CN_ON &&
+                 scene->contact.self != CN_OFF && !body->spec->wall && (done || can_fold(body));
+    body->self_always = body->self && done;
+    if (model->world->nwall > 0 || model->coupled || body->self) contact_of(body, scene);
+}
+
 cn_status cn_model_new(cn_model **out, const cn_scene *scene, const cn_world *world, int nbody,
                        const cn_body_spec *spec, cn_error *error)
 {
@@ -356,19 +374,19 @@ cn_status cn_model_new(cn_model **out, const cn_scene *scene, const cn_world *wo
         cn_model_free(model);
         return cn_fail(error, status, NULL, 0, "%s", cn_status_text(status));
     }
-    const bool touch = scene->contact.method != CN_CONTACT_NONE;
     model->touches = true;
-    model->coupled = touch && nbody > 1;
-    for (int b = 0; b < nbody; b++) {
-        cn_model_body *body = &model->body[b];
-        const bool done = scene->leave_out.self_contact == CN_OFF || scene->contact.self == CN_ON;
-        body->self = touch && scene->leave_out.self_contact != CN_ON && scene->contact.self != CN_OFF &&
-                     !body->spec->wall && (done || can_fold(body));
-        body->self_always = body->self && done;
-        if (world->nwall > 0 || model->coupled || body->self) contact_of(body, scene);
-    }
+    model->coupled = scene->contact.method != CN_CONTACT_NONE && nbody > 1;
+    for (int b = 0; b < nbody; b++)
+        what_touches(model, &model->body[b]);
     *out = model;
     return CN_OK;
+}
+
+cn_status cn_model_wear(cn_model *model, int b, const cn_skin *skin)
+{
+    const cn_status status = cn_skin_touch(&model->body[b].worn, skin, model->body[b].body);
+    if (status == CN_OK) what_touches(model, &model->body[b]);
+    return status;
 }
 
 void cn_model_free(cn_model *model)
@@ -380,6 +398,7 @@ void cn_model_free(cn_model *model)
             free(body->load[l].force);
         free(body->load), free(body->fixed), free(body->start), free(body->tip), free(body->behind),
             free(body->offset), free(body->control);
+        cn_body_free(body->worn);
         cn_body_free(body->body);
     }
     free(model->body);

@@ -75,9 +75,16 @@ void cn_molecule_rotations(const cn_molecule_frames *frames, const double *x, do
  * `held` (nnode, NULL: none) staying: symplectic Euler, v += h a(x, v), x += h v, with the springs, a damper
  * c = damping_stiffness k along each link, and friction `damping` m v. It takes equal substeps h, the fewest
  * below 0.9 of the stable step at its start. `work` (nnode x 3) is scratch; nothing is allocated;
- * bit-identical for any thread count. CN_ERR_ARG: no such body, dt not positive, a molecule without mass, or
- * more than 1e7 substeps; CN_ERR_NOT_FINITE: x and v are what was left. */
-cn_status cn_molecules_explicit(const cn_body *body, double dt, const double *force,
+ * bit-identical for any thread count. `press` (NULL: none) adds at each substep. CN_ERR_ARG: no such body, dt
+ * not positive, a molecule without mass, or more than CN_SUBSTEPS_MAX substeps; CN_ERR_NOT_FINITE: x and v
+ * are what was left. */
+typedef struct cn_press {
+    void *user;
+    void (*add)(void *user, const double *x, const double *v, double *f); /* forces [N] of where they are */
+    double square, friction; /* bounds of their stiffness [1/s^2] and damping [1/s] over mass */
+} cn_press;
+enum { CN_SUBSTEPS_MAX = 10000000 };
+cn_status cn_molecules_explicit(const cn_body *body, double dt, const double *force, const cn_press *press,
                                 const unsigned char *held, double *x, double *v, double *work, int *substeps,
                                 cn_pool *pool);
 /* h [s] with h w <= 2 (sqrt(1 + z^2) - z), z = c / (2 w), c = damping + damping_stiffness w^2: what
@@ -130,6 +137,10 @@ const cn_kernels *cn_molecule_kernels_pick(int most); /* as cn_kernels_pick */
 /* Runs one of the two over all tasks; returns their number. */
 int cn_molecules_run(cn_molecule_job *job, cn_task task, cn_pool *pool);
 
+/* Anchors and weights (npoint x CN_MOLECULE_ANCHORS) of points on molecules at rest, nearest first, by
+ * weights that carry any affine motion exactly. CN_ERR_MESH: the molecules near one lie in a plane. */
+cn_status cn_molecules_hang(int nnode, const double *rest, double spacing, int npoint, const double *point,
+                            int *anchor, double *weight, cn_error *error);
 /* Anchors and weights of the body's points (body.h). CN_ERR_MESH: the molecules near one lie in a plane. */
 cn_status cn_molecules_anchor(cn_body *body, double spacing, cn_error *error);
 void cn_molecules_points(const cn_body *body, int nactive, const double *x, const double *rotation,

@@ -4,9 +4,10 @@
 #include <math.h>
 #include <string.h>
 
-static const double MARGIN = 0.9, SUBSTEPS_MOST = 1e7;
+static const double MARGIN = 0.9;
 
-double cn_molecules_stable_step(const cn_body *body, const double *x, cn_pool *pool)
+/* The stable step with this pressing on it. */
+static double stable_step(const cn_body *body, const double *x, const cn_press *press, cn_pool *pool)
 {
     const cn_molecules *m = body->own;
     double bound[CN_MOLECULE_TASKS], square = 0;
@@ -19,9 +20,16 @@ double cn_molecules_stable_step(const cn_body *body, const double *x, cn_pool *p
     const int ntask = cn_molecules_run(&job, m->kernels->elastic, pool);
     for (int i = 0; i < ntask; i++)
         if (!(bound[i] <= square) && square == square) square = bound[i];
+    if (press) square += press->square;
     if (!(square > 0 && square <= 1e300)) return 0;
-    const double w = sqrt(square), z = 0.5 * (body->damping + body->damping_stiffness * square) / w;
+    const double friction = body->damping + body->damping_stiffness * square + (press ? press->friction : 0);
+    const double w = sqrt(square), z = 0.5 * friction / w;
     return 2 / (w * (sqrt(1 + z * z) + z)); /* sqrt(1 + z^2) - z, without cancellation */
+}
+
+double cn_molecules_stable_step(const cn_body *body, const double *x, cn_pool *pool)
+{
+    return stable_step(body, x, NULL, pool);
 }
 
 typedef struct {
@@ -50,13 +58,12 @@ static void move_chunk(void *user, int chunk)
     }
 }
 
-cn_status cn_molecules_explicit(const cn_body *body, double dt, const double *force,
+cn_status cn_molecules_explicit(const cn_body *body, double dt, const double *force, const cn_press *press,
                                 const unsigned char *held, double *x, double *v, double *work, int *substeps,
                                 cn_pool *pool)
 {
-    const double stable =
-        body->model == CN_BODY_MOLECULES ? MARGIN * cn_molecules_stable_step(body, x, pool) : 0;
-    if (!(stable > 0 && dt > 0 && dt <= SUBSTEPS_MOST * stable)) return CN_ERR_ARG;
+    const double stable = body->model == CN_BODY_MOLECULES ? MARGIN * stable_step(body, x, press, pool) : 0;
+    if (!(stable > 0 && dt > 0 && dt <= CN_SUBSTEPS_MAX * stable)) return CN_ERR_ARG;
     const int n = (int)ceil(dt / stable), all = 3 * body->nnode;
     motion m = {body, force, held, x, v, work, dt / n};
     cn_molecule_job job = {.body = body, .nactive = body->nnode, .x = x, .f = work};
@@ -67,6 +74,7 @@ cn_status cn_molecules_explicit(const cn_body *body, double dt, const double *fo
     *substeps = n;
     for (int i = 0; i < n; i++) {
         cn_molecules_run(&job, own->kernels->elastic, pool);
+        if (press) press->add(press->user, x, v, work);
         cn_pool_run(pool, (body->nnode + CHUNK - 1) / CHUNK, move_chunk, &m);
     }
     for (int i = 0; i < all; i++)

@@ -103,29 +103,25 @@ static bool best_four(const double *place, const candidate *near, int n, const d
 
 enum { A = CN_MOLECULE_ANCHORS };
 
-cn_status cn_molecules_anchor(cn_body *body, double spacing, cn_error *error)
+cn_status cn_molecules_hang(int nnode, const double *rest, double spacing, int npoint, const double *point,
+                            int *anchor, double *weight, cn_error *error)
 {
-    search s = {.n = body->nnode, .room = 256, .spacing = spacing};
+    search s = {.n = nnode, .room = 256, .spacing = spacing};
     cn_tree *tree = NULL;
     int *corner = NULL;
-    cn_status status = cn_point_tree_new(&tree, &corner, body->nnode, body->rest);
+    cn_status status = cn_point_tree_new(&tree, &corner, nnode, rest);
     if (status != CN_OK) goto done;
     status = CN_ERR_MEMORY;
     s.tree = tree;
     s.found = malloc((size_t)s.room * sizeof *s.found), s.near = malloc((size_t)s.room * sizeof *s.near);
-    body->anchor = calloc((size_t)body->npoint + 1, A * sizeof *body->anchor);
-    body->weight = calloc((size_t)body->npoint + 1, A * sizeof *body->weight);
-    if (!s.found || !s.near || !body->anchor || !body->weight) goto done;
-    body->nanchor = A;
-    for (int i = 0; i < body->npoint; i++) {
-        const double *p = body->point + 3 * (size_t)i;
-        int *anchor = body->anchor + A * (size_t)i;
-        double *weight = body->weight + A * (size_t)i;
+    if (!s.found || !s.near) goto done;
+    for (int i = 0; i < npoint; i++, anchor += A, weight += A) {
+        const double *p = point + 3 * (size_t)i;
         bool found = false;
         for (int want = NEAREST; !found && want <= NEAREST_MOST; want *= 2) {
-            const int n = find_near(&s, body->rest, p, want);
+            const int n = find_near(&s, rest, p, want);
             if (n < 0) goto done;
-            found = best_four(body->rest, s.near, n < want ? n : want, p, anchor, weight);
+            found = best_four(rest, s.near, n < want ? n : want, p, anchor, weight);
         }
         if (!found) {
             status =
@@ -141,6 +137,16 @@ done:
     cn_tree_free(tree);
     free(corner), free(s.found), free(s.near);
     return status;
+}
+
+cn_status cn_molecules_anchor(cn_body *body, double spacing, cn_error *error)
+{
+    body->anchor = calloc((size_t)body->npoint + 1, A * sizeof *body->anchor);
+    body->weight = calloc((size_t)body->npoint + 1, A * sizeof *body->weight);
+    if (!body->anchor || !body->weight) return CN_ERR_MEMORY;
+    body->nanchor = A;
+    return cn_molecules_hang(body->nnode, body->rest, spacing, body->npoint, body->point, body->anchor,
+                             body->weight, error);
 }
 
 void cn_molecules_points(const cn_body *body, int nactive, const double *x, const double *rotation,

@@ -75,6 +75,9 @@ double cn_rectangle_torsion(double a, double b);
 
 /* rod_skin.c */
 cn_status cn_rod_skin(cn_body *body, const cn_tets *skin, const int *ride, cn_error *error);
+/* R of node i now, and T: its rotation vector's change turns it by T times that. */
+void cn_rod_frame(const cn_body *body, int i, const double *x, const double *rotation, double r[9],
+                  double t[9]);
 void cn_rod_points(const cn_body *body, int nactive, const double *x, const double *rotation, double *points);
 void cn_rod_carry(const cn_body *body, int nactive, const double *x, const double *rotation, cn_carry *carry);
 void cn_rod_pull(const cn_body *body, int nactive, const double *x, const double *rotation,

@@ -129,6 +129,13 @@ static void frame_now(const cn_body *body, int i, const double *x, const double 
     cn_spin_jacobian(spin, theta, t);
 }
 
+void cn_rod_frame(const cn_body *body, int i, const double *x, const double *rotation, double r[9],
+                  double t[9])
+{
+    cn_spin spin;
+    frame_now(body, i, x, rotation, &spin, r, t);
+}
+
 void cn_rod_points(const cn_body *body, int nactive, const double *x, const double *rotation, double *points)
 {
     const cn_rod *rod = body->own;

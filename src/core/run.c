@@ -142,6 +142,7 @@ static cn_status prepare(cn_run_data *run)
         CN_OK)
         return status;
     if ((status = no_equilibrium(run)) != CN_OK) return status;
+    if ((status = cn_run_explicit(run)) != CN_OK) return status;
     for (int b = 0; b < run->nbody; b++)
         if ((status = cn_run_skin_hang(run, b)) != CN_OK) return status;
     for (int b = 0; b < run->nbody; b++)
@@ -152,7 +153,9 @@ static cn_status prepare(cn_run_data *run)
         const cn_body *body = run->model->body[b].body;
         run->body[b].von_mises = calloc((size_t)cn_body_cells(body) + 1, sizeof(double));
         run->body[b].turn = calloc(4 * (size_t)body->nturn + 1, sizeof(double));
-        run->body[b].points = calloc(3 * (size_t)body->npoint + 1, sizeof(double));
+        const int met = cn_touch_body(&run->model->body[b])->npoint;
+        run->body[b].points =
+            calloc(3 * (size_t)(met > body->npoint ? met : body->npoint) + 1, sizeof(double));
         if (!run->body[b].von_mises || !run->body[b].turn || !run->body[b].points) return CN_ERR_MEMORY;
         cn_drive_progress(&run->model->body[b], &run->state->body[b], run->body[b].path);
         run->state->body[b].progress = -INFINITY;

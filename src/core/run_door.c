@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
+#include "molecules.h"
 #include "tree.h"
 
 static cn_status add_limits(cn_run_data *run, cn_body_spec *device)
@@ -118,6 +119,9 @@ cn_status cn_run_supported(cn_run_data *run)
             return unsupported(run, body->name,
                                "contact.method project, which moves nodes, for a rod or molecules",
                                "use strict, or model: tet4");
+        if (scene->solver.integrator == CN_INTEGRATOR_EXPLICIT && body->model != CN_BODY_MOLECULES)
+            return unsupported(run, body->name, "integrator: explicit for another model than molecules",
+                               "use integrator: euler, or model: molecules");
         const bool sheath = body->shape.catheter.sheath == CN_ON ||
                             (body->shape.catheter.sheath == CN_AUTO && scene->nvessel > 0);
         const cn_status status = cn_push_check(body, sheath, &run->error);
@@ -126,8 +130,9 @@ cn_status cn_run_supported(cn_run_data *run)
             body->model != CN_BODY_ROD)
             return unsupported(run, body->name, "a guidewire core in tetrahedra", "use model: rod");
     }
-    if (scene->contact.method == CN_CONTACT_PENALTY && scene->solver.integrator != CN_INTEGRATOR_EULER)
-        return unsupported(run, "contact.method", "penalty with another integrator than euler",
+    if (scene->contact.method == CN_CONTACT_PENALTY && scene->solver.integrator != CN_INTEGRATOR_EULER &&
+        scene->solver.integrator != CN_INTEGRATOR_EXPLICIT)
+        return unsupported(run, "contact.method", "penalty with midpoint or trbdf2",
                            "use integrator: euler, or method: strict");
     if (scene->contact.friction > 0 && scene->contact.method != CN_CONTACT_STRICT)
         return unsupported(run, "contact.friction", "friction without strict contact",
@@ -139,6 +144,24 @@ cn_status cn_run_supported(cn_run_data *run)
         scene->solver.integrator != CN_INTEGRATOR_EULER)
         return unsupported(run, "contact.response", "an elastic response with another integrator than euler",
                            "use integrator: euler, or response: inelastic");
+    return CN_OK;
+}
+
+cn_status cn_run_explicit(cn_run_data *run)
+{
+    if (run->model->integrator != CN_INTEGRATOR_EXPLICIT) return CN_OK;
+    for (int b = 0; b < run->nbody; b++) {
+        const cn_body *body = run->model->body[b].body;
+        const double stable = 0.9 * cn_molecules_stable_step(body, body->rest, run->pool),
+                     n = run->model->dt / stable;
+        if (!(n <= CN_SUBSTEPS_MAX))
+            return cn_fail(&run->error, CN_ERR_SCENE, run->scene->path, 0,
+                           "%s: explicit steps of its springs are stable up to %.3g s, and one of %g s would "
+                           "take %.3g of them: use integrator: euler",
+                           run->spec[b].name, stable, run->model->dt, n);
+        CN_LOG(CN_LOG_INFO, "%s: %.0f explicit steps of at most %.3g s in each of %g s", run->spec[b].name,
+               fmax(1, ceil(n)), stable, run->model->dt);
+    }
     return CN_OK;
 }
 
@@ -172,7 +195,7 @@ void cn_run_no_start(cn_run_data *run, int b, double depth, const double where[3
 
 bool cn_run_swallowed(cn_run_data *run, int b)
 {
-    const cn_body *body = run->model->body[b].body;
+    const cn_body *body = cn_touch_body(&run->model->body[b]);
     double min[3], max[3], nearest[3];
     cn_tree *tree;
     bool found = false;
@@ -180,7 +203,7 @@ bool cn_run_swallowed(cn_run_data *run, int b)
     /* a chain this thin holds nothing; a wall's neighbours are the scene's own affair */
     if (run->model->body[b].sheath || run->spec[b].wall) return false;
     if (cn_tree_new(&tree, body->boundary->ntri, body->boundary->tri,
-                    cn_run_points(run, b, run->state, body->nnode)) != CN_OK)
+                    cn_run_met(run, b, run->state, body->nnode)) != CN_OK)
         return false;
     cn_tree_box(tree, min, max);
     for (int w = 0; w < run->world->nwall && !found; w++)

@@ -114,7 +114,7 @@ static bool meet(void *user, int ia, int ib)
 
 static double gap_of(const cn_run_data *run, int b)
 {
-    const cn_body *body = run->model->body[b].body;
+    const cn_body *body = cn_touch_body(&run->model->body[b]);
     double edges = 0;
     if (run->model->body[b].gap > 0) return run->model->body[b].gap;
     if (!isnan(run->scene->contact.gap)) return run->scene->contact.gap;
@@ -128,9 +128,9 @@ static double gap_of(const cn_run_data *run, int b)
 static bool meets_itself(cn_run_data *run, int b, const cn_state *state, meeting *m)
 {
     cn_tree **tree = &run->leave.self[b].tree;
-    const cn_body *body = run->model->body[b].body;
+    const cn_body *body = cn_touch_body(&run->model->body[b]);
     *m = (meeting){.body = body, .gap = gap_of(run, b), .least = INFINITY, .a = -1, .b = -1};
-    m->x = cn_run_points(run, b, state, body->nnode);
+    m->x = cn_run_met(run, b, state, body->nnode);
     if (*tree)
         cn_tree_refit(*tree, m->x);
     else if (cn_tree_new(tree, body->boundary->ntri, body->boundary->tri, m->x) != CN_OK)

@@ -16,10 +16,10 @@ typedef struct {
 typedef struct {
     cn_path *path; /* NULL: no waypoints */
     cn_roadmap roadmap;
-    double *vertex_s;  /* arc lengths of the roadmap vertices on the path (roadmap.npoint) */
-    double *von_mises; /* (ntet) */
-    double *turn;      /* copy of the rotations for frames: looking must not change the run (nturn x 4) */
-    double *points;    /* scratch of cn_run_points (npoint x 3) */
+    double *vertex_s;    /* arc lengths of the roadmap vertices on the path (roadmap.npoint) */
+    double *von_mises;   /* (ntet) */
+    double *turn;        /* copy of the rotations for frames: looking must not change the run (nturn x 4) */
+    double *points;      /* scratch of cn_run_points and cn_run_met (the larger npoint x 3) */
     cn_surface *surface; /* of a skin that is not hung yet */
     cn_skin *skin;       /* that it wears, NULL: none, and */
     cn_skin_state *worn; /* how it was when last looked at */
@@ -120,6 +120,8 @@ static inline bool cn_gives_way(const cn_surface_spec *spec)
 /* run_door.c: what the request asks, and what this build cannot do; refusals in words. */
 cn_status cn_run_specs(cn_run_data *run);
 cn_status cn_run_supported(cn_run_data *run);
+/* Refuses explicit steps that would be cut into too many. */
+cn_status cn_run_explicit(cn_run_data *run);
 cn_status
 cn_run_places(cn_run_data *run); /* entry and waypoints against the walls; device against the lumen */
 
@@ -178,6 +180,8 @@ double cn_run_far_gap(const cn_run_data *run, int body, const cn_state *state);
 int cn_run_active(const cn_model_body *body, const cn_body_state *state);
 /* Positions of the points of the first nactive nodes: the state's own, or in the body's scratch. */
 const double *cn_run_points(const cn_run_data *run, int body, const cn_state *state, int nactive);
+/* The same of what contact meets. */
+const double *cn_run_met(const cn_run_data *run, int body, const cn_state *state, int nactive);
 double cn_seconds(void);
 
 #endif

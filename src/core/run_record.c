@@ -113,13 +113,19 @@ const double *cn_run_points(const cn_run_data *run, int b, const cn_state *state
                           run->body[b].points);
 }
 
+const double *cn_run_met(const cn_run_data *run, int b, const cn_state *state, int nactive)
+{
+    return cn_body_points(cn_touch_body(&run->model->body[b]), nactive, state->body[b].x,
+                          state->body[b].rotation, run->body[b].points);
+}
+
 double cn_run_far_gap(const cn_run_data *run, int b, const cn_state *state)
 {
     double least = isfinite(run->report->contact.gap_min) ? run->report->contact.gap_min : INFINITY;
     for (int w = 0; w < run->world->nwall; w++) /* only what rests can be asked at its rest */
         if (cn_gives_way(run->world->wall[w].spec) || cn_wall_moves(&run->world->wall[w])) return INFINITY;
-    const double before = least, *x = cn_run_points(run, b, state, state->body[b].nfree);
-    const int npoint = cn_body_points_of(run->model->body[b].body, state->body[b].nfree);
+    const double before = least, *x = cn_run_met(run, b, state, state->body[b].nfree);
+    const int npoint = cn_body_points_of(cn_touch_body(&run->model->body[b]), state->body[b].nfree);
     for (int w = 0; w < run->world->nwall; w++)
         for (int i = 0; i < npoint; i++) {
             int tri;
@@ -173,8 +179,9 @@ static void body_figures(cn_run_data *run, int b, cn_body_report *out)
     cn_copy3(out->goal, out->tip);
     if (model->catheter) cn_copy3(state->x, out->tip);
     if (model->ntip > 0) out->tip[0] = out->tip[1] = out->tip[2] = 0;
+    const double *end = body->nanchor > 0 ? cn_run_points(run, b, run->state, body->nnode) : state->x;
     for (int i = 0; i < model->ntip; i++)
-        cn_axpy(1.0 / model->ntip, state->x + 3 * model->tip[i], out->tip);
+        cn_axpy(1.0 / model->ntip, end + 3 * model->tip[i], out->tip);
     out->goal_distance = NAN;
     if (run->spec[b].nwaypoint > 0)
         out->goal_distance = cn_distance(out->goal, run->spec[b].waypoint + 3 * (run->spec[b].nwaypoint - 1));

@@ -1,5 +1,5 @@
 /* run_skin.c - skins that bodies wear: made at the door, hung once the bodies stand, brought along for
- * frames. They are seen alone: contact and limits are the body's own. */
+ * frames. With `contact` they are what contact meets (skin_touch.c), else they are seen alone. */
 #include "run_parts.h"
 
 #include <math.h>
@@ -51,9 +51,19 @@ cn_status cn_run_skin_read(cn_run_data *run, int b)
     if (spec->skin_source == CN_SKIN_SPHERES && !molecules)
         return refuse(run, b,
                       "a skin of `cell` is made about molecules, which this body is not of: give its file");
-    if (spec->skin_kind == CN_SKIN_EMBED && (molecules || spec->model == CN_BODY_ROD))
+    if (spec->skin_kind == CN_SKIN_EMBED && spec->model == CN_BODY_ROD)
         return refuse(run, b,
-                      "a skin is embedded in tetrahedra, of which this body is not: use method: blend");
+                      "a skin is embedded in tetrahedra or molecules, which a rod has none of: use method: "
+                      "blend");
+    if (spec->skin_contact && run->scene->contact.method == CN_CONTACT_PROJECT)
+        return refuse(run, b,
+                      "contact.method project moves the nodes of a body's own surface, not a skin's: use "
+                      "strict or penalty, or skin.contact: off");
+    if (spec->skin_contact && run->scene->contact.method == CN_CONTACT_STRICT &&
+        spec->skin_kind == CN_SKIN_BLEND && spec->model != CN_BODY_ROD)
+        return refuse(run, b,
+                      "strict contact needs a skin that moves by its nodes' motion alone, and between "
+                      "frames that turn it does not: use method: embed, or contact.method penalty");
     if (spec->skin_source == CN_SKIN_SPHERES) return CN_OK; /* about where they will be */
     if (spec->skin_source == CN_SKIN_TUBE)
         status = make_tube(surface, spec);
@@ -102,7 +112,11 @@ cn_status cn_run_skin_hang(cn_run_data *run, int b)
     if (spec->skin_source == CN_SKIN_SPHERES && (status = about_molecules(run, b)) != CN_OK) return status;
     if (model->catheter) lay(model, own->surface);
     const bool tetrahedra = body->model == CN_BODY_TET4 || body->model == CN_BODY_TET10;
-    if (tetrahedra && spec->skin_kind != CN_SKIN_BLEND) {
+    const bool strict = spec->skin_contact && run->scene->contact.method == CN_CONTACT_STRICT;
+    if (body->model == CN_BODY_MOLECULES &&
+        (spec->skin_kind == CN_SKIN_EMBED || (spec->skin_kind == CN_SKIN_AUTO && strict))) {
+        status = cn_skin_new_molecules(&own->skin, own->surface, body, &run->error);
+    } else if (tetrahedra && spec->skin_kind != CN_SKIN_BLEND) {
         const cn_tets tets = {body->npoint, body->ntet, body->point, body->tet, body->mid};
         status = cn_skin_new_embedded(&own->skin, own->surface, &tets, &run->error);
     } else {
@@ -119,6 +133,7 @@ cn_status cn_run_skin_hang(cn_run_data *run, int b)
             "the skin of %s reaches %.3g m away from it, and it is %.3g m large: both must be in one "
             "place and unit",
             spec->name, own->skin->reach, model->size);
+    if (status == CN_OK && spec->skin_contact) status = cn_model_wear(run->model, b, own->skin);
     if (status == CN_OK) status = cn_skin_state_new(&own->worn, own->skin, &run->error);
     cn_surface_free(own->surface);
     own->surface = NULL;

@@ -102,9 +102,12 @@ static cn_status walk_new(walk **out, const cn_run_data *from, cn_study_method m
         w->scene.solver.linear_tolerance = 1e-4;
     }
     if (!(run->body = calloc((size_t)run->nbody + 1, sizeof *run->body))) return status;
-    if ((status = cn_model_new(&run->model, &w->scene, run->world, run->nbody, run->spec, error)) != CN_OK ||
-        (status = cn_run_works(run, error)) != CN_OK)
+    if ((status = cn_model_new(&run->model, &w->scene, run->world, run->nbody, run->spec, error)) != CN_OK)
         return status;
+    for (int b = 0; method != CN_STUDY_PAPER && b < run->nbody; b++)
+        if (from->model->body[b].worn && (status = cn_model_wear(run->model, b, from->body[b].skin)) != CN_OK)
+            return status;
+    if ((status = cn_run_works(run, error)) != CN_OK) return status;
     for (int b = 0; b < run->nbody; b++)
         run->body[b].path = from->body[b].path;
     run->state->step = from->state->step, run->state->time = from->state->time;

@@ -173,10 +173,10 @@ static int control_character(const char *text)
     return -1;
 }
 
-/* What the second-order integrators are not made for. */
+/* What the other integrators than euler are not made for. */
 static cn_status check_integrator(struct cn_reader *reader, int node, const cn_scene *scene)
 {
-    static const char *const names[] = {"euler", "midpoint", "trbdf2"};
+    static const char *const names[] = {"euler", "midpoint", "trbdf2", "explicit"};
     const int solver = cn_yaml_find(&reader->tree, node, "solver");
     const char *const name = names[scene->solver.integrator];
     if (scene->solver.integrator == CN_INTEGRATOR_EULER) return CN_OK;
@@ -196,6 +196,16 @@ static cn_status check_integrator(struct cn_reader *reader, int node, const cn_s
         scene->nvessel + scene->nobstacle > 0)
         return REFUSE("strict contact is solved for where a step is evaluated, and midpoint ends elsewhere: "
                       "use euler or trbdf2");
+    if (scene->solver.integrator != CN_INTEGRATOR_EXPLICIT) return CN_OK;
+    if ((scene->contact.method == CN_CONTACT_STRICT || scene->contact.method == CN_CONTACT_PROJECT) &&
+        (scene->nvessel + scene->nobstacle > 0 || scene->nbody > 1 || scene->contact.self == CN_ON))
+        return REFUSE("explicit steps are pushed out of what they meet, by contact.method: penalty, or meet "
+                      "nothing (none); for strict contact, which is solved for, use euler");
+    for (int b = 0; b < scene->nbody; b++)
+        if (scene->body[b].model != CN_BODY_MOLECULES)
+            return REFUSE("explicit steps are for springs between molecules, and \"%s\" is of another "
+                          "model: use euler, or model: molecules",
+                          scene->body[b].name);
 #undef REFUSE
     return CN_OK;
 }

@@ -254,7 +254,8 @@ static const cn_key skin_keys[] = {
     {"file",    CN_KEY_FILE,   CN_UNSET, "../../test/data/scenes/ball.obj", ANY, "a fine surface; it is placed as the shape is, of a catheter tip at the origin and along -z", AT(cn_body_spec, skin_file), .group = 's', MARK(cn_body_spec, skin_source, CN_SKIN_FILE)},
     {"cell",    CN_KEY_REAL,   CN_UNSET, "0", 0, INF, "m", "of the grid for a surface about molecules; 0: half their radius", AT(cn_body_spec, skin_cell), .group = 's', MARK(cn_body_spec, skin_source, CN_SKIN_SPHERES)},
     {"anchors", CN_KEY_COUNT,  0,        "4", 1, 8, "", "nodes a point of the skin hangs on where it is blended", AT(cn_body_spec, skin_anchors)},
-    {"method",  CN_KEY_CHOICE, 0,        "auto", -1, 0, "", "blend: between the frames of the nearest nodes, embed: with the tetrahedron around; auto: embed in tetrahedra, else blend", AT(cn_body_spec, skin_kind), .choices = "auto|blend|embed"},
+    {"method",  CN_KEY_CHOICE, 0,        "auto", -1, 0, "", "blend: between the frames of the nearest nodes, embed: with the tetrahedron, or the four molecules, around; auto: embed in tetrahedra, else blend, and of molecules what contact needs", AT(cn_body_spec, skin_kind), .choices = "auto|blend|embed"},
+    {"contact", CN_KEY_FLAG,   0,        "off", 0, 0, "", "whether contact meets the skin, whose forces go back to what it hangs on, instead of the body's own surface", AT(cn_body_spec, skin_contact), .choices = "off|on"},
     {0}};
 static const cn_schema skin_schema = {skin_keys, NULL};
 static const cn_key body_keys[] = {
@@ -290,7 +291,7 @@ static const cn_schema contact_schema = {contact_keys, NULL};
 static const cn_key solver_keys[] = {
     {"newton",           CN_KEY_COUNT,  CN_MAY_AUTO, "auto", 1, 1000, "", "most Newton iterations a step; 1: one linear solve a step", AT(cn_scene, solver.newton)},
     {"linear",           CN_KEY_CHOICE, 0,        "auto", -1, 0, "", "linear solver; auto: by the matrix", AT(cn_scene, solver.linear), .choices = "auto|cholesky|cg|chain|pcg"},
-    {"integrator",       CN_KEY_CHOICE, 0,        "euler", 0, 0, "", "in time, implicit: euler of first order; midpoint (keeps energy) and trbdf2 (damps what the step does not resolve) of second", AT(cn_scene, solver.integrator), .choices = "euler|midpoint|trbdf2"},
+    {"integrator",       CN_KEY_CHOICE, 0,        "euler", 0, 0, "", "in time, implicit: euler of first order; midpoint (keeps energy) and trbdf2 (damps what the step does not resolve) of second; explicit: molecules alone, each step cut into stable ones", AT(cn_scene, solver.integrator), .choices = "euler|midpoint|trbdf2|explicit"},
     {"tolerance",        CN_KEY_REAL,   CN_ABOVE | CN_BELOW, "1.0e-3", 0, 1, "", "of the nonlinear residual over the largest of the external, internal and inertial forces", AT(cn_scene, solver.tolerance)},
     {"linear_tolerance", CN_KEY_REAL,   CN_ABOVE | CN_BELOW, "1.0e-4", 0, 1, "", "of an iterative linear solve's residual over its right-hand side", AT(cn_scene, solver.linear_tolerance)},
     {0}};

@@ -13,6 +13,7 @@
 #include <stddef.h>
 #include "catnav/body.h"
 #include "catnav/path.h"
+#include "catnav/skin.h"
 #include "catnav/world.h"
 #include "contact.h"
 #include "pool.h"
@@ -28,6 +29,7 @@ typedef struct {
 typedef struct {
     const cn_body_spec *spec;
     cn_body *body;
+    cn_body *worn;          /* what contact meets where it is a skin (skin.h), else NULL */
     unsigned char *fixed;   /* held by the scene (nblock) */
     double *start;          /* positions at t = 0 [m], NULL: at rest (nnode x 3) */
     double gap, kappa;      /* contact's barrier begins at [m], 0: nothing to touch; [N/m] */
@@ -35,7 +37,7 @@ typedef struct {
     int wall;               /* of the world, for which it stands; -1: none */
     int nload;
     cn_nodal_load *load;
-    int ntip, *tip; /* nodes of a beam's +x face */
+    int ntip, *tip; /* nodes of a beam's +x face; points of molecules */
     int goal_node;
     int ncontrol; /* nodes of a uniform drive */
     int *control;
@@ -115,8 +117,8 @@ typedef struct {
     double force, work;               /* of the drive: sum of nodal magnitudes and the base's push [N]; [J] */
     double wall_force, wall_where[3]; /* most loaded patch [N] */
     double momentum_error; /* of penalty: momentum made by forces that are not equal and opposite [kg m/s] */
-    double gap;                       /* least listed distance [m], INFINITY: none near */
-    double fem_s, collision_s;        /* wall time */
+    double gap;            /* least listed distance [m], INFINITY: none near */
+    double fem_s, collision_s; /* wall time */
     cn_findings findings;
 } cn_step_figures;
 
@@ -125,6 +127,12 @@ typedef struct {
 cn_status cn_model_new(cn_model **out, const cn_scene *scene, const cn_world *world, int nbody,
                        const cn_body_spec *spec, cn_error *error);
 void cn_model_free(cn_model *model);
+/* Body b's skin is what contact meets from now on; before any work. The skin must outlive the model. */
+cn_status cn_model_wear(cn_model *model, int b, const cn_skin *skin);
+static inline const cn_body *cn_touch_body(const cn_model_body *body)
+{
+    return body->worn ? body->worn : body->body;
+}
 cn_status cn_state_new(cn_state **out, const cn_model *model);
 void cn_state_free(cn_state *state);
 void cn_state_copy(cn_state *to, const cn_state *from); /* bit for bit */

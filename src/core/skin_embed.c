@@ -184,6 +184,31 @@ done:
     return status == CN_ERR_MEMORY ? cn_fail(error, status, "", 0, "out of memory for a skin") : status;
 }
 
+cn_status cn_skin_new_molecules(cn_skin **out, const cn_surface *surface, const cn_body *body,
+                                cn_error *error)
+{
+    enum { PER = CN_MOLECULE_ANCHORS };
+    cn_skin *skin = NULL;
+    cn_status status;
+    *out = NULL;
+    if (body->model != CN_BODY_MOLECULES)
+        return cn_fail(error, CN_ERR_ARG, "", 0, "a skin to be embedded in molecules needs a body of them");
+    if ((status = cn_skin_begin(&skin, surface, body->nnode, PER, error)) != CN_OK) return status;
+    skin->kind = CN_SKIN_EMBED;
+    status = cn_molecules_hang(body->nnode, body->rest, cbrt(body->rest_volume / body->nnode), skin->nvert,
+                               surface->vert, skin->anchor, skin->weight, error);
+    for (size_t v = 0; status == CN_OK && v < (size_t)skin->nvert; v++)
+        skin->reach = fmax(
+            skin->reach, cn_distance(surface->vert + 3 * v, body->rest + 3 * (size_t)skin->anchor[PER * v]));
+    if (status == CN_OK) status = cn_skin_sort(skin);
+    if (status == CN_OK) {
+        *out = skin;
+        return CN_OK;
+    }
+    cn_skin_free(skin);
+    return status == CN_ERR_MEMORY ? cn_fail(error, status, "", 0, "out of memory for a skin") : status;
+}
+
 /* --- rotations of a body's nodes, for skins that hang on them --- */
 /* Adds q to the sum, with the sign that points the way of what is there. */
 static void add_turn(const double q[4], double sum[4])

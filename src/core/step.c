@@ -6,6 +6,8 @@
  *   trbdf2     g = 2 - sqrt 2, h = g dt/2 (Bank et al. 1985; Hosea and Shampine 1996). Trapezoid to g dt:
  * ahead = 2 h v0, lag = h v0, the start's force in `constant`. Then BDF2 to dt, with a = 1 / (g (2 - g)), b =
  * a - 1: lag = a u_g, ahead = lag + h (a v_g - b v0). Both have one matrix.
+ *
+ * `explicit` seeks no minimum: step_explicit.c.
  */
 #include "step_parts.h"
 
@@ -18,8 +20,7 @@
 
 static const double trbdf2_gamma = 0.58578643762690495; /* 2 - sqrt 2 */
 
-/* Gravity, loads that are on, and the drive's held part. */
-static void external_force(const cn_stage *s, double time)
+void cn_stage_external(const cn_stage *s, double time)
 {
     cn_part *part = s->part;
     const double late = 1e-6 * s->h; /* a load's window counts whole steps */
@@ -178,7 +179,7 @@ static cn_status step_euler(const cn_group *g, double time, cn_step_figures *fig
     cn_status status;
     EACH_STAGE(g, s)
     {
-        external_force(s, time + s->h);
+        cn_stage_external(s, time + s->h);
         set_ahead(s, s->h, s->from->v, 0, NULL);
     }
     go_ahead(g); /* begin where the velocity leads */
@@ -201,7 +202,7 @@ static cn_status step_midpoint(const cn_group *g, double time, cn_step_figures *
     EACH_STAGE(g, s)
     {
         s->h *= 0.5;
-        external_force(s, time + s->h);
+        cn_stage_external(s, time + s->h);
         set_ahead(s, s->h, s->from->v, 0, NULL);
     }
     go_ahead(g);
@@ -229,12 +230,12 @@ static cn_status step_trbdf2(const cn_group *g, double time, double dt, cn_step_
     EACH_STAGE(g, s)
     {
         s->h = 0.5 * c * dt;
-        external_force(s, time + 1e-5 * dt); /* loads that begin now are on */
+        cn_stage_external(s, time + 1e-5 * dt); /* loads that begin now are on */
     }
     if ((status = force_at_start(g)) != CN_OK) return status;
     EACH_STAGE(g, s)
     {
-        external_force(s, time + c * dt);
+        cn_stage_external(s, time + c * dt);
         set_ahead(s, 2 * s->h, s->from->v, 0, NULL);
         EACH_FREE(s, i)
         for (int k = 3 * i; k < 3 * i + 3; k++)
@@ -248,7 +249,7 @@ static cn_status step_trbdf2(const cn_group *g, double time, double dt, cn_step_
     {
         cn_part *part = s->part;
         memset(part->constant, 0, 3 * (size_t)part->body->body->nblock * sizeof(double));
-        external_force(s, time + dt);
+        cn_stage_external(s, time + dt);
         EACH_FREE(s, i)
         for (int k = 3 * i; k < 3 * i + 3; k++) {
             const double vg = (part->u[k] - part->lag[k]) / s->h;
@@ -318,7 +319,7 @@ static int gather(cn_work *work, const cn_state *state)
     int naxis = 0;
     for (int p = 0; p < work->npart; p++) {
         const cn_part *part = &work->part[p];
-        const cn_body *b = part->body->body;
+        const cn_body *b = cn_touch_body(part->body);
         const cn_body_state *at = &state->body[part->index];
         double *own = work->points + 3 * (size_t)work->surfaces->surface[p].first;
         const double *x = cn_body_points(b, at->nfree, at->x, at->rotation, own);
@@ -381,15 +382,18 @@ static bool folds(const cn_group *g, int p, const cn_state *trial)
     cn_work *work = g->work;
     const cn_part *part = g->stage[p].part;
     const cn_body *b = part->body->body;
-    if (!cn_cannot_fold(part->body, &trial->body[part->index], part->axis)) return true;
+    const cn_body_state *to = &trial->body[part->index];
+    const int npoint = cn_body_points_of(b, to->nfree);
+    if (!cn_cannot_fold(part->body, to, part->axis)) return true;
+    if (part->body->worn && b->model == CN_BODY_ROD) return false; /* tetrahedra that only ride on it */
     gather(work, trial);
-    const double *x = work->points + 3 * (size_t)work->surfaces->surface[p].first;
+    const double *x = part->body->worn ? to->x : work->points + 3 * (size_t)work->surfaces->surface[p].first;
     for (int t = 0; t < b->ntet; t++) {
         const int *tet = b->tet + 4 * t;
         double e[3][3], across[3];
-        bool out = tet[0] < work->nfree[p];
+        bool out = tet[0] < npoint;
         for (int k = 0; k < 3; k++) {
-            out = out && tet[k + 1] < work->nfree[p];
+            out = out && tet[k + 1] < npoint;
             cn_sub(x + 3 * tet[k + 1], x + 3 * tet[0], e[k]);
         }
         cn_cross(e[0], e[1], across);
@@ -431,6 +435,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
                   double dt, cn_work *work, cn_step_figures *figures)
 {
     const double start = cn_step_seconds();
+    const bool explicit = model->integrator == CN_INTEGRATOR_EXPLICIT;
     cn_group g;
     cn_status status;
 
@@ -446,7 +451,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
         cn_sheath_advance(part->body, &trial->body[part->index], part->drive.advance, part->drive.turn,
                           s->nfree, dt);
         memset(part->u, 0, 3 * (size_t)b->nblock * sizeof(double));
-        if (!part->damping.value) continue;
+        if (!part->damping.value || explicit) continue;
         cn_matrix_clear(part->matrix, s->rows < b->nblock ? s->nactive : b->nblock);
         cn_body_add_elastic(b, s->nactive, s->from->x, s->rotation, part->elastic, CN_TANGENT_PROJECTED, 1,
                             part->scatter, part->pool);
@@ -461,6 +466,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
     }
     status = model->integrator == CN_INTEGRATOR_MIDPOINT ? step_midpoint(&g, state->time, figures)
              : model->integrator == CN_INTEGRATOR_TRBDF2 ? step_trbdf2(&g, state->time, dt, figures)
+             : explicit                                  ? cn_step_explicit(&g, trial, state->time, dt)
                                                          : step_euler(&g, state->time, figures);
     if (status != CN_OK) return status;
     const bool gives_back = g.strict && bounces(model);
@@ -471,7 +477,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
         cn_body_state *to = &trial->body[s->part->index];
         drive_figures(s, &figures[s - g.stage]);
         EACH_FREE(s, i)
-        for (int k = 3 * i; k < 3 * i + 3; k++)
+        for (int k = 3 * i; k < 3 * i + 3 && !explicit; k++)
             to->v[k] = (s->part->u[k] - s->part->lag[k]) / s->h + (gives_back ? s->part->ahead[k] : 0);
         cn_body_turn(s->part->body->body, s->nactive, to->x, to->rotation);
         cn_sheath_release(s->part->body, to);
@@ -559,6 +565,7 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
 {
     double most = 0;
     cn_group g;
+    if (model->integrator == CN_INTEGRATOR_EXPLICIT) return 0; /* nothing was solved for */
     group_up(&g, work, state, (cn_state *)trial, path, dt);
     if (work->surfaces) {
         const double then = g.pressed ? state->time + dt : state->time;
@@ -575,7 +582,7 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
         const cn_body_state *to = &trial->body[part->index];
         const size_t all = 3 * (size_t)b->nblock * sizeof(double);
         s->rotation = b->nblock > b->nnode ? s->from->rotation : to->rotation;
-        external_force(s, last_stage(s, to, state->time, dt));
+        cn_stage_external(s, last_stage(s, to, state->time, dt));
         memset(part->elastic, 0, all), memset(part->path, 0, all), memset(part->touch, 0, all);
         memset(part->damped, 0, all);
         cn_body_add_elastic(b, s->nactive, part->trial, s->rotation, part->elastic, CN_TANGENT_WARPED, 1,

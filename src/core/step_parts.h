@@ -56,6 +56,7 @@ typedef struct {
 } cn_stage;
 
 typedef struct cn_wall_solve cn_wall_solve; /* step_wall.c */
+struct cn_press;                            /* molecules.h */
 
 struct cn_work {
     const cn_model *model;
@@ -103,6 +104,15 @@ typedef struct {
 
 typedef enum { CN_AT_STATE, CN_AT_TRIAL } cn_where; /* stage->x, or part->trial */
 
+/* --- step.c --- */
+/* Gravity, loads that are on, and the drive's held part, into part->external. */
+void cn_stage_external(const cn_stage *s, double time);
+
+/* --- step_explicit.c --- */
+/* Takes every body through the step, x and v of `trial` with it. CN_ERR_ARG: more substeps than are taken;
+ * CN_ERR_NOT_FINITE. */
+cn_status cn_step_explicit(const cn_group *g, cn_state *trial, double time, double dt);
+
 /* --- step_newton.c --- */
 /* Takes the stage's start: every u and x as they are, moved by its part's dx (moved false: not) as far as
  * contact lets them. */
@@ -124,6 +134,10 @@ cn_status cn_stage_bounce(const cn_group *g);
 cn_status cn_stage_penetrations(const cn_group *g);
 /* Energy of the springs; their force into every part->touch; stiff: also into the matrices. */
 double cn_stage_add_penalty(const cn_group *g, cn_where at, bool stiff);
+/* Of the springs on part p alone, which explicit steps damp critically: the force at the stage's x and at v
+ * added to f; their share of a press's bounds, by scratch of blocks. */
+void cn_stage_press(const cn_group *g, int p, const double *v, double *f);
+void cn_stage_press_bound(const cn_group *g, int p, double *scratch, struct cn_press *press);
 /* wall_force, and the momentum that forces which are not equal and opposite make up. */
 void cn_stage_penalty_figures(const cn_group *g, double dt, cn_step_figures *figures);
 

@@ -67,7 +67,15 @@ bool cn_stage_iterative(const cn_group *g)
 {
     EACH_STAGE(g, s)
     if (iterative(s->part)) return true;
-    return g->strict && g->work->contact->nlink > 0;
+    return (g->strict && g->work->contact->nlink > 0) || (g->pressed && g->work->penalty->nlink > 0);
+}
+
+/* What joins bodies, or places of one. */
+static int links_of(const cn_group *g, const cn_link **link)
+{
+    const cn_work *work = g->work;
+    *link = g->strict ? work->contact->link : g->pressed ? work->penalty->link : NULL;
+    return g->strict ? work->contact->nlink : g->pressed ? work->penalty->nlink : 0;
 }
 
 /* One body by its own solver. */
@@ -113,12 +121,13 @@ enum { R, Z, P, Q };
 static void note_links(const cn_group *g)
 {
     const cn_work *work = g->work;
+    const cn_link *link;
+    const int nlink = links_of(g, &link);
     for (int p = 0; p < work->npart; p++)
         work->part[p].linked = false;
-    for (int l = 0; g->strict && l < work->contact->nlink; l++)
+    for (int l = 0; l < nlink; l++)
         for (int side = 0; side < 2; side++)
-            if (work->contact->link[l].surface[side] < work->npart)
-                work->part[work->contact->link[l].surface[side]].linked = true;
+            if (link[l].surface[side] < work->npart) work->part[link[l].surface[side]].linked = true;
 }
 
 void cn_point_motion(const cn_part *part, int point, const double *v, double out[3])
@@ -132,6 +141,10 @@ void cn_point_motion(const cn_part *part, int point, const double *v, double out
     for (int k = 0; k < carry->nper; k++) {
         const size_t at = (size_t)point * (size_t)carry->nper + (size_t)k;
         cn_axpy(carry->weight[at], v + 3 * (size_t)carry->anchor[at], out);
+        if (!carry->arm) continue;
+        double turned[3];
+        cn_mat_vec(carry->arm + 9 * at, v + 3 * (size_t)(carry->turn + carry->anchor[at]), turned);
+        cn_axpy(1, turned, out);
     }
     if (carry->nper > 0) return;
     const int node = carry->node[point];
@@ -142,6 +155,7 @@ void cn_point_motion(const cn_part *part, int point, const double *v, double out
 void cn_point_force(const cn_part *part, int point, const double force[3], double *f)
 {
     const cn_carry *carry = part->carry;
+    double moment[3];
     if (!carry) {
         cn_axpy(1, force, f + 3 * (size_t)point);
         return;
@@ -149,10 +163,12 @@ void cn_point_force(const cn_part *part, int point, const double force[3], doubl
     for (int k = 0; k < carry->nper; k++) {
         const size_t at = (size_t)point * (size_t)carry->nper + (size_t)k;
         cn_axpy(carry->weight[at], force, f + 3 * (size_t)carry->anchor[at]);
+        if (!carry->arm) continue;
+        cn_mat_vec_transposed(carry->arm + 9 * at, force, moment);
+        cn_axpy(1, moment, f + 3 * (size_t)(carry->turn + carry->anchor[at]));
     }
     if (carry->nper > 0) return;
     const int node = carry->node[point];
-    double moment[3];
     cn_mat_vec_transposed(carry->arm + 9 * (size_t)point, force, moment);
     cn_axpy(1, force, f + 3 * (size_t)node);
     cn_axpy(1, moment, f + 3 * (size_t)(carry->turn + node));
@@ -162,8 +178,9 @@ void cn_point_force(const cn_part *part, int point, const double force[3], doubl
 static void add_links(const cn_group *g, int condensed)
 {
     const cn_work *work = g->work;
-    for (int l = 0; l < work->contact->nlink; l++) {
-        const cn_link *link = &work->contact->link[l];
+    const cn_link *link;
+    const int nlink = links_of(g, &link);
+    for (int l = 0; l < nlink; l++, link++) {
         if (condensed >= 0 && (link->surface[0] == condensed || link->surface[1] == condensed)) continue;
         double along[2] = {0, 0}; /* of either side */
         for (int i = 0; i < 4; i++) {
@@ -215,7 +232,7 @@ static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
         EACH_FREE(s, i)
         if (!s->part->held[i]) cn_axpy(-1, s->part->gradient + 3 * i, s->part->cg[R] + 3 * i);
     }
-    const int condensed = cn_wall_take(g) ? cn_wall_part(work->wall) : -1;
+    const int condensed = g->strict && cn_wall_take(g) ? cn_wall_part(work->wall) : -1;
     if (condensed >= 0) {
         work->part[condensed].linked = false;
         if ((status = cn_wall_begin(g)) != CN_OK) return status;
@@ -267,9 +284,9 @@ static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
 cn_status cn_stage_solve(const cn_group *g, double *slope, cn_step_figures *figures)
 {
     cn_status status = CN_OK;
-    const bool links = g->strict && g->work->contact->nlink > 0;
+    const cn_link *link;
     note_links(g);
-    if (links && (status = solve_linked(g, figures)) != CN_OK) return status;
+    if (links_of(g, &link) > 0 && (status = solve_linked(g, figures)) != CN_OK) return status;
     *slope = 0;
     EACH_STAGE(g, s)
     {

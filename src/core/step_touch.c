@@ -13,14 +13,14 @@ static double *body_points(const cn_work *work, int part, double *points)
 /* Points of a stage's free nodes. */
 static int free_points(const cn_stage *s)
 {
-    return cn_body_points_of(s->part->body->body, s->nfree);
+    return cn_body_points_of(cn_touch_body(s->part->body), s->nfree);
 }
 
 void cn_touch_points(const cn_group *g, cn_where at, double *points)
 {
     EACH_STAGE(g, s)
     {
-        const cn_body *b = s->part->body->body;
+        const cn_body *b = cn_touch_body(s->part->body);
         double *own = body_points(g->work, (int)(s - g->stage), points);
         const double *x =
             cn_body_points(b, s->nactive, at == CN_AT_STATE ? s->x : s->part->trial, s->rotation, own);
@@ -37,7 +37,7 @@ double cn_touch(const cn_group *g, cn_where at, bool stiff, bool exact)
     EACH_STAGE(g, s)
     {
         cn_part *part = s->part;
-        const cn_body *b = part->body->body;
+        const cn_body *b = cn_touch_body(part->body);
         memset(body_points(work, (int)(s - g->stage), work->force), 0,
                3 * (size_t)b->npoint * sizeof *work->force);
         if (part->carry)
@@ -52,7 +52,7 @@ double cn_touch(const cn_group *g, cn_where at, bool stiff, bool exact)
     EACH_STAGE(g, s)
     {
         cn_part *part = s->part;
-        const cn_body *b = part->body->body;
+        const cn_body *b = cn_touch_body(part->body);
         const double *force = body_points(work, (int)(s - g->stage), work->force);
         if (part->carry)
             cn_body_pull(b, s->nactive, at == CN_AT_STATE ? s->x : part->trial, s->rotation, part->carry,
@@ -119,7 +119,7 @@ static void motion_of(const cn_group *g, double fraction)
     EACH_STAGE(g, s)
     {
         cn_part *part = s->part;
-        const cn_body *b = part->body->body;
+        const cn_body *b = cn_touch_body(part->body);
         const int p = (int)(s - g->stage), n = free_points(s);
         double *motion = body_points(work, p, work->motion);
         if (!part->carry) {

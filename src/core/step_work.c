@@ -64,7 +64,7 @@ static cn_status part_new(cn_part *part, const cn_model *model, int index, cn_po
         !(part->damping.value = calloc(9 * (size_t)part->matrix->nblock, sizeof(double))))
         return CN_ERR_MEMORY;
     if ((status = cn_body_bind(&part->scatter, b, part->matrix, 0)) != CN_OK) return status;
-    if ((status = cn_carry_new(&part->carry, b)) != CN_OK) return status;
+    if ((status = cn_carry_new(&part->carry, cn_touch_body(body))) != CN_OK) return status;
     if ((status = levels_of(body, &level)) == CN_OK)
         status = cn_solver_new(&part->solver, part->matrix, model->scene->solver.linear, level, error);
     free(level);
@@ -93,7 +93,7 @@ static cn_status surfaces_new(cn_work *work)
     for (int p = 0; status == CN_OK && p < work->npart; p++) {
         const cn_model_body *b = work->part[p].body;
         body[p] = (cn_contact_body){
-            .body = b->body, .wall = b->wall, .self = b->self, .gap = b->gap, .kappa = b->kappa};
+            .body = cn_touch_body(b), .wall = b->wall, .self = b->self, .gap = b->gap, .kappa = b->kappa};
     }
     for (int w = 0; status == CN_OK && w < world->nwall; w++) {
         moving[w] = cn_wall_moves(&world->wall[w]);

@@ -243,7 +243,7 @@ static const struct {
      16, "not after from"},
     {"waypoints:", "load: [{box: [[0, 0, 0], [1, 1, 1]]}]\n  waypoints:", 16, "needs a force or a moment"},
     {"waypoints:", "load: [{box: [[0, 0, 0], [1, 1, 1]], moment: [0, 1]}]\n  waypoints:", 16, "[N m]"},
-    {"{newton: auto}", "{integrator: leapfrog}", 20, "euler|midpoint|trbdf2, found leapfrog"},
+    {"{newton: auto}", "{integrator: leapfrog}", 20, "euler|midpoint|trbdf2|explicit, found leapfrog"},
     {"{newton: auto}", "{integrator: midpoint}", 20, "solver.integrator: strict contact is solved for where"},
     {"{newton: auto}", "{integrator: midpoint, newton: 1}", 20, "single solve (newton: 1) is Euler's"},
     {"{newton: auto}", "{integrator: trbdf2, newton: 1}", 20, "is Euler's, not one of trbdf2"},
