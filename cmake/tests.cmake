@@ -55,7 +55,7 @@ function(catnav_c_test room source)
   catnav_label_reference(${room}.${name} ${source})
 endfunction()
 
-# test/bench/bench_*.c: built on demand (make -C build bench_skin) into build/bench.
+# test/bench/bench_*.c: built on demand (make -C build bench_solve) into build/bench.
 macro(catnav_benches)
   file(GLOB benches CONFIGURE_DEPENDS test/bench/bench_*.c)
   foreach(source ${benches})

@@ -14,6 +14,7 @@ typedef struct {
     const char *name, *summary, *help;
     int (*run)(int argc, char **argv);
 } command_t;
+int command_study_skin(int argc, char **argv); /* a part of `study` */
 extern const command_t command_run, command_plan, command_check, command_study;
 
 typedef enum { OPTION_FLAG, OPTION_TEXT, OPTION_COUNT, OPTION_POSITIVE, OPTION_SETTING } option_type;

@@ -188,6 +188,12 @@ static int study_table1(int argc, char **argv)
 static int study_one(int argc, char **argv)
 {
     if (argc > 0 && !strcmp(argv[0], "table1")) return study_table1(argc - 1, argv + 1);
+    if (argc > 0 && !strcmp(argv[0], "skin")) {
+        for (int i = 1; i < argc; i++)
+            if (!strcmp(argv[i], "--help"))
+                return fputs(command_study.help, stdout) < 0 ? COMMAND_FAILED : COMMAND_OK;
+        return command_study_skin(argc - 1, argv + 1);
+    }
     if (argc > 0) return strcmp(argv[0], "paper") ? study_all(argc, argv) : study_paper(argc - 1, argv + 1);
     fputs("usage: catnav study DIR [options], or catnav study paper SCENE.yaml [options];\n"
           "see catnav study --help\n",
@@ -201,7 +207,9 @@ static const char help[] =
     "SYNOPSIS\n"
     "    catnav study DIR [--quick] [--only PART] [--threads N]\n"
     "    catnav study paper SCENE.yaml [--out DIR] [--set KEY=VALUE]... [--threads N] [--quiet]\n"
-    "    catnav study table1 [--scenes NAME,...] [--seconds S] [--steps N] [--out DIR] [--threads N]\n\n"
+    "    catnav study table1 [--scenes NAME,...] [--seconds S] [--steps N] [--out DIR] [--threads N]\n"
+    "    catnav study skin speed|bezier|smooth [REPEATS]\n"
+    "    catnav study skin shape ANCHORS\n\n"
     "DESCRIPTION\n"
     "    DIR     Error against run time for every body model, solver, integrator and the first paper's\n"
     "            method on problems with known answers; what happens under extreme stiffness, steps,\n"
@@ -224,9 +232,13 @@ static const char help[] =
     "            by the paper's, and prints its Table 1 with our columns beside it: nodes, planning,\n"
     "            simulation, collision, milliseconds a step; DIR/table1.csv and DIR/table1.json. A scene\n"
     "            that is not there is left out and said. Takes some minutes a scene.\n\n"
+    "    skin    Skins alone, as CSV: the time of an update with normals against vertices, anchors a\n"
+    "            vertex and threads; frames a second of Bezier skins against control points and\n"
+    "            intervals, beside a skin of as many vertices; the sharpest edge of bent capsules\n"
+    "            against anchors a vertex; and the shape of one of them.\n\n"
     "OPTIONS\n"
     "    --quick          the same on fewer and smaller cases, in a minute\n"
-    "    --only PART      accuracy, stability, speed or left_out alone\n"
+    "    --only PART      accuracy, stability, speed, left_out or skin alone\n"
     "    --scenes NAME,.. of table1: these alone\n"
     "    --seconds S      of table1: wall time that one run may take (default: 900)\n"
     "    --steps N        of table1: of every run the first N steps alone\n"

@@ -18,9 +18,10 @@ plt.rcParams.update({"font.size": 9, "axes.titlesize": 10, "axes.grid": True, "g
                      "axes.axisbelow": True, "legend.frameon": False, "svg.hashsalt": "catnav",
                      "savefig.bbox": "tight", "savefig.dpi": 150})
 
-COLOUR = {"tet4": "#0072b2", "tet10": "#d55e00", "rod": "#009e73"}
-LINE = {"tet4": "--", "tet10": "-.", "rod": "-"}
-MARKER = {"auto": "o", "cholesky": "s", "cg": "^", "pcg": "v", "chain": "D", "midpoint": "P", "trbdf2": "*"}
+COLOUR = {"tet4": "#0072b2", "tet10": "#d55e00", "rod": "#009e73", "molecules": "#cc79a7"}
+LINE = {"tet4": "--", "tet10": "-.", "rod": "-", "molecules": (0, (5, 1))}
+MARKER = {"auto": "o", "cholesky": "s", "cg": "^", "pcg": "v", "chain": "D", "midpoint": "P", "trbdf2": "*",
+          "explicit": "X"}
 PAPER_LOOK = {"color": "0.25", "linestyle": ":", "marker": "x"}
 
 

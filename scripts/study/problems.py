@@ -22,6 +22,7 @@ class Problem:
     points = False   # whether `error` needs the last frame
     finished = ("ran",)  # status of a run that got to its end
     once = False     # one timing
+    tissue = False   # whether molecules may try
     solvers = ("cholesky", "cg", "pcg")  # to be shown besides the default
 
     def __init__(self, name, title, answer, scene):
@@ -67,8 +68,16 @@ def segments(counts):
     return [("%d segments" % n, {"bodies.0.shape.beam.cells": [n, 1, 1]}) for n in counts]
 
 
+def packings(depth, counts):
+    """Molecules on a lattice with so many cells over the depth; the layer next to x = 0 is held."""
+    return [("%d lattice cells over depth" % n, {
+        "bodies.0.molecules.radius": float("%.9g" % (depth * 3**0.5 / (4 * n))),
+        "bodies.0.fixed.box": [HELD[0], [0.3 * depth / n, 1.0, 1.0]]}) for n in counts]
+
+
 class Cantilever(Problem):
     """Small tip load on a square beam, ten depths long."""
+    tissue = True
 
     def __init__(self, study):
         data = cases(study, "cantilever")["cases"]
@@ -92,6 +101,8 @@ class Cantilever(Problem):
         ratio = self.case["length"] / self.case["size"]
         if model == "rod":
             return segments((2, 4, 8, 16) if quick else (2, 4, 8, 16, 32, 64))
+        if model == "molecules":
+            return packings(self.case["size"], (2, 3) if quick else (2, 3, 4, 6, 8))
         counts = {"tet4": (1, 2, 3, 4) if quick else (1, 2, 4, 8), "tet10": (1, 2) if quick else (1, 2, 3, 4)}
         return square_cells(self.case["size"], ratio, counts[model], 1)
 
@@ -102,7 +113,7 @@ class Cantilever(Problem):
 
 class Elastica(Problem):
     """Dead tip load that bends a square beam of 100 depths through more than a right angle's two thirds."""
-    LENGTH, DEPTH, YOUNG = 1.0, 0.01, 1e7
+    LENGTH, DEPTH, YOUNG, tissue = 1.0, 0.01, 1e7, True
     solvers = ("cholesky",)  # CG needs minutes on bodies so slender: the paper's method shows it
 
     def __init__(self, study):
@@ -121,6 +132,8 @@ class Elastica(Problem):
     def settings(self, model, quick):
         if model == "rod":
             return segments((5, 10, 20, 40) if quick else (5, 10, 20, 40, 80, 160))
+        if model == "molecules":
+            return packings(self.DEPTH, (2,) if quick else (2, 3, 4))
         if model == "tet10":  # by their length: one over the depth is enough
             return [("%d x 1 x 1 cells" % n, {"bodies.0.shape.beam.cells": [n, 1, 1]})
                     for n in ((12, 25) if quick else (12, 25, 50, 100))]
@@ -179,7 +192,7 @@ class OwnWeight(Problem):
 
 class Twist(Problem):
     """A couple at the end of a square beam turns it about its axis."""
-    LENGTH, DEPTH, points = 1.0, 0.1, True
+    LENGTH, DEPTH, points, tissue = 1.0, 0.1, True, True
 
     def __init__(self, study):
         case = next(c for c in cases(study, "cantilever")["cases"] if c["section"] == "square" and
@@ -198,6 +211,8 @@ class Twist(Problem):
     def settings(self, model, quick):
         if model == "rod":
             return segments((4, 8, 16) if quick else (4, 8, 16, 32, 64))
+        if model == "molecules":
+            return packings(self.DEPTH, (2, 3) if quick else (2, 3, 4, 6, 8))
         counts = {"tet4": (1, 2, 3, 4) if quick else (1, 2, 4, 6, 8), "tet10": (1, 2) if quick else (1, 2, 3, 4)}
         return [("%d over depth" % n, {"bodies.0.shape.beam.cells": [8 * n, n, n]}) for n in counts[model]]
 
@@ -212,6 +227,53 @@ def mean_turn(rest, last, x):
     a, b = rest[section, 1:], last[section, 1:]
     a, b = a - a.mean(0), b - b.mean(0)
     return math.atan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+
+
+class Sway(Problem):
+    """A thick bar let go as a horizontal cantilever, a tissue more than a wire; where its end is when it is low."""
+    LENGTH, DEPTH, TIME, limit, solvers, tissue = 0.3, 0.06, 0.15, 60, (), True
+
+    def __init__(self, study):
+        super().__init__(
+            "sway", "A bar of five depths let go: its end after %g s" % self.TIME, "",
+            {"scene": "sway", "step": 0.005, "time_limit": self.TIME, "gravity": [0, 0, -GRAVITY],
+             "contact": {"method": "none"},
+             "bodies": [{"name": "bar", "shape": {"beam": {"size": [self.LENGTH, self.DEPTH, self.DEPTH],
+                                                           "cells": [5, 1, 1]}}, "model": "tet4",
+                         "material": {"young": 1e6, "poisson": 0.25, "density": 1000}, "fixed": {"box": HELD}}]})
+        self.steps = (0.015, 0.005) if study.quick else (0.015, 0.005, 0.0025, 0.001)
+
+    def settings(self, model, quick):
+        if model == "molecules":
+            return packings(self.DEPTH, (2, 3) if quick else (2, 3, 4, 6))
+        if model == "rod":
+            return segments((4, 8) if quick else (4, 8, 16, 32))
+        counts = {"tet4": (1, 2) if quick else (1, 2, 4, 6), "tet10": (1,) if quick else (1, 2, 3)}
+        return [("%d over depth" % n, {"bodies.0.shape.beam.cells": [5 * n, n, n]}) for n in counts[model]]
+
+    def converge(self, study):
+        """The answer: second-order tetrahedra and steps, extrapolated in the step; its uncertainty: how far the
+        next coarser mesh's is from it."""
+        if "tet10" not in study.models or "trbdf2" not in study.integrators:
+            return False
+        file, fine = study.write_scene(self.name, self.scene), 2 if study.quick else 4
+        step, tips = (0.0025 if study.quick else 0.001), {}
+        for cells, dt in ((fine - 1, step), (fine, step), (fine, 2 * step)):
+            outcome = study.run(file, {"bodies.0.model": "tet10", "solver.integrator": "trbdf2", "step": dt,
+                                       "bodies.0.shape.beam.cells": [5 * cells, cells, cells]}, limit=4 * self.limit)
+            if outcome.status != "ran":
+                study.note("Sway: no converged run (%s: %s)" % (outcome.command, outcome.message))
+                return False
+            tips[cells, dt] = numpy.array(outcome.figure("bodies", 0, "tip"))
+        self.truth = tips[fine, step] + (tips[fine, step] - tips[fine, 2 * step]) / 3
+        self.uncertainty = float(numpy.linalg.norm(tips[fine, step] - tips[fine - 1, step]) / self.LENGTH)
+        self.answer = ("run of `tet10` with %d elements over the depth and steps of %g ms, `trbdf2`, extrapolated in "
+                       "the step: its end down by %.4f m; %.1e of the length from the same on the next coarser mesh"
+                       % (fine, 1e3 * step, 0.5 * self.DEPTH - self.truth[2], self.uncertainty))
+        return True
+
+    def error(self, outcome, model):
+        return float(numpy.linalg.norm(numpy.array(outcome.figure("bodies", 0, "tip")) - self.truth) / self.LENGTH)
 
 
 class Swing(Problem):

@@ -63,8 +63,10 @@ def summary(study, parts):
             return [row for row in rows if row["model"] == model and row["method"] == method]
         lines += ["Time of all steps to an error of at most %s; in brackets the least error where none came so close:"
                   % percent(CLOSE), ""]
-        lines += table(["problem"] + ["`%s`" % m for m in study.models] + ["paper's method"],
-                       [[problem.title] + [to_close(chosen(rows, m, "own")) for m in study.models] +
+        models = study.models + study.tissues
+        lines += table(["problem"] + ["`%s`" % m for m in models] + ["paper's method"],
+                       [[problem.title] + [to_close(chosen(rows, m, "own")) if m in study.models or problem.tissue
+                                           else "-" for m in models] +
                         [to_close(chosen(rows, "tet4", "paper"))] for problem, rows in parts["accuracy"]])
     if "stability" in parts:
         found = collections.Counter(row["result"] for row in parts["stability"])
@@ -208,6 +210,29 @@ def left_out_part(rows):
     return lines + ["[CSV](left_out.csv), [JSON](left_out.json)", ""]
 
 
+def skin_part(study, found):
+    largest = max((row for row in found["speed"] if (row["kind"], row["per_vertex"]) == ("blend", "4")
+                   and int(row["vertices"]) >= 90000), key=lambda row: (row["threads"], -int(row["vertices"])))
+    lines = ["## Skins and molecules", "",
+             "%s vertices on 4 anchors each, with vertex normals: %s ms at best, %s ms in the median, %s threads."
+             % (largest["vertices"], largest["best_ms"], largest["update_ms"], largest["threads"]), ""]
+    lines += picture("skin_speed", "time of an update against vertices")
+    lines += ["The largest angle between neighbouring faces of a bent capsule against anchors a vertex, dotted the "
+              "body bent exactly:", ""]
+    lines += picture("smoothness", "smoothness against anchors a vertex")
+    lines += ["One anchor a vertex and four, the same bent body:", "", "![figure 8](figure8.png)", "",
+              "[SVG](figure8.svg)", "", "Bezier skins by the paper's double sum and by one sum after the other, beside "
+              "a skin on anchors of as many vertices, one thread:", ""]
+    lines += picture("figure4", "frames a second against control points and intervals")
+    lines += ["A clamped cube under its weight: whole steps (solve, recomputed residual, limits) of tetrahedra and of "
+              "molecules with about as many nodes, the least median of three runs, %d threads:" % study.threads, ""]
+    lines += table(["model", "integrator", "nodes", "step, median [ms]", "95 % [ms]", "Newton", "residual"],
+                   [[row["model"], row["integrator"], row["nodes"], number(row["step_ms_median"]),
+                     number(row["step_ms_p95"]) if row["status"] == "ran" else row["message"],
+                     row["newton_max"], number(row["residual_max"], "%.1e")] for row in found["tissue"]])
+    return lines + ["[CSV](tissue.csv), [JSON](tissue.json)", ""]
+
+
 def write(study, parts):
     lines = ["# catnav study", "",
              "%s study of %s on %s, %d threads, %s; %.0f s in all, %d runs."
@@ -226,6 +251,8 @@ def write(study, parts):
         lines += speed_part(study, *parts["speed"])
     if "left_out" in parts:
         lines += left_out_part(parts["left_out"])
+    if "skin" in parts:
+        lines += skin_part(study, parts["skin"])
     if study.notes:
         lines += ["## Not run", ""] + ["- " + note for note in study.notes] + [""]
     with open(os.path.join(study.folder, "index.md"), "w") as file:

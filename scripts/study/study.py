@@ -11,11 +11,12 @@ import accuracy
 import left_out
 import plots
 import report
+import skin
 import speed
 import stability
 import tools
 
-PARTS = ("accuracy", "stability", "speed", "left_out")
+PARTS = ("accuracy", "stability", "speed", "left_out", "skin")
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
@@ -41,7 +42,7 @@ def main():
         print("catnav study: %s" % error, file=sys.stderr)
         return 1
     parts, run = {}, {"accuracy": accuracy.run, "stability": stability.run, "speed": speed.run,
-                      "left_out": left_out.run}
+                      "left_out": left_out.run, "skin": skin.run}
     for name in PARTS:
         if given.only in (None, name):
             parts[name] = run[name](study)

@@ -117,6 +117,7 @@ class Study:
         self.linear = self.choices("solver.linear")
         self.integrators = self.choices("solver.integrator")
         self.models = [model for model in MODELS if self.has_model(model)]
+        self.tissues = ["molecules"] if self.has_model("molecules") else []  # where a problem is for them
 
     def say(self, text):
         print("%4.0f s  %s" % (time.monotonic() - self.begun, text), file=sys.stderr, flush=True)
@@ -232,4 +233,4 @@ def csv_cell(value):
 def probe_scene(model):
     return {"scene": "probe", "step": 0.01, "time_limit": 0.01, "contact": {"method": "none"},
             "bodies": [{"name": "body", "shape": {"beam": {"size": [0.1, 0.01, 0.01], "cells": [4, 1, 1]}},
-                        "model": model, "material": {"young": 1e6, "poisson": 0.3, "density": 1000}}]}
+                        "model": model, "molecules": {"radius": 0.002}, "material": {"young": 1e6, "poisson": 0.3, "density": 1000}}]}

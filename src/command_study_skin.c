@@ -1,20 +1,16 @@
-/* bench_skin.c - figures of skins, as CSV. Run: bench_skin PART [repeats], PART one of
- *   speed     median and least time [ms] of an update with normals against vertices, anchors a vertex and
- * threads bezier    frames a second of Bezier surfaces against control points and intervals, by the double
- * sum (the paper's) and by one sum after the other, beside a skin of as many vertices on four anchors smooth
- * largest angle [degrees] between neighbouring faces of bent capsules against anchors a vertex shape N
- * vertices, normals and first anchor of the bent capsule with N anchors a vertex, then its faces
- */
+/* catnav study skin: figures of skins, as CSV on standard output; `catnav study DIR` makes pictures of them. */
+#include "command.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
-#include "../core/skin_cases.h"
+#include "../test/core/skin_cases.h"
 #include "catnav/bezier.h"
 #include "catnav/vec3.h"
-#include "pool.h"
+#include "core/pool.h"
 
 static const double bend = 2; /* [rad] */
 static int repeats = 50;
@@ -219,22 +215,27 @@ static void shape(int n)
     undress(&w);
 }
 
-int main(int argc, char **argv)
+int command_study_skin(int argc, char **argv)
 {
-    const char *part = argc > 1 ? argv[1] : "speed";
-    const int number = argc > 2 ? atoi(argv[2]) : 0;
-    if (!strcmp(part, "shape")) {
-        repeats = 1;
-        shape(number >= 1 && number <= CN_SKIN_ANCHORS ? number : 4);
-        return 0;
+    const char *const part = argc > 0 ? argv[0] : "";
+    char *end = NULL;
+    const long number = argc > 1 ? strtol(argv[1], &end, 10) : 0;
+    const bool is_shape = !strcmp(part, "shape");
+    if (argc > 2 || (end && (*end || number < 1 || number > (is_shape ? CN_SKIN_ANCHORS : 1000))) ||
+        (strcmp(part, "speed") && strcmp(part, "bezier") && strcmp(part, "smooth") && !is_shape)) {
+        fputs("usage: catnav study skin speed|bezier|smooth [REPEATS, to 1000], or catnav study skin shape "
+              "ANCHORS, 1 to 8\n",
+              stderr);
+        return COMMAND_REFUSED;
     }
-    if (number >= 1 && number <= 1000) repeats = number;
-    if (!strcmp(part, "smooth")) repeats = 1;
-    if (!strcmp(part, "smooth"))
+    repeats = is_shape || !strcmp(part, "smooth") ? 1 : number > 0 ? (int)number : 50;
+    if (is_shape)
+        shape(number > 0 ? (int)number : 4);
+    else if (!strcmp(part, "smooth"))
         smooth();
     else if (!strcmp(part, "bezier"))
         bezier();
     else
         speed();
-    return 0;
+    return fflush(stdout) || ferror(stdout) ? COMMAND_FAILED : COMMAND_OK;
 }
