@@ -45,13 +45,12 @@ static void quaternion_of(const double n[3], const double b[3], const double t[3
     cn_polar(r, q);
 }
 
-/* Tangents are the mean of the two segments' directions, at the ends mirrored in the last segment, so that an
- * arc's are its own; normals follow by double reflection (Wang and others 2008), without twist. */
-static void rest_frames(const cn_body *body, const double normal[3])
+/* Frames along a line of points p. Tangents are the mean of the two segments' directions, at the ends
+ * mirrored in the last segment, so that an arc's are its own; normals follow by double reflection (Wang and
+ * others 2008), without twist. */
+static void line_frames(int nnode, const double *p, const double normal[3], double *frame)
 {
-    const cn_rod *rod = body->own;
-    const double *p = body->rest;
-    const int last = body->nnode - 1;
+    const int last = nnode - 1;
     double n[3], b[3], t[3] = {0};
     for (int i = 0; i <= last; i++) {
         double before[3], after[3], next[3];
@@ -92,7 +91,7 @@ static void rest_frames(const cn_body *body, const double normal[3])
         cn_axpy(-cn_dot(n, t), t, n);
         cn_normalise(n);
         cn_cross(t, n, b);
-        quaternion_of(n, b, t, rod->frame + 4 * (size_t)i);
+        quaternion_of(n, b, t, frame + 4 * (size_t)i);
     }
 }
 
@@ -206,7 +205,7 @@ cn_status cn_body_new_rod(cn_body **out, int nnode, const double *axis, const do
         memcpy(body->connect + 4 * (size_t)s, blocks, sizeof blocks);
     }
     body->damping = material->damping, body->damping_stiffness = material->damping_stiffness;
-    rest_frames(body, normal);
+    line_frames(body->nnode, body->rest, normal, rod->frame);
     spread_sections(body, x);
     status = cn_rod_skin(body, skin, ride, error);
 done:
@@ -233,6 +232,34 @@ static void rod_rotation_start(const cn_body *body, double *rotation)
 {
     const cn_rod *rod = body->own;
     memcpy(rotation, rod->frame, 4 * (size_t)body->nnode * sizeof *rotation);
+}
+
+/* A line that turns by more than a right angle between two segments is no curve. */
+static bool is_curve(int nnode, const double *p)
+{
+    double before[3], after[3] = {0, 0, 0};
+    for (int i = 1; i < nnode; i++) {
+        cn_copy3(after, before);
+        cn_sub(p + 3 * (size_t)i, p + 3 * (size_t)(i - 1), after);
+        if (!(cn_norm2(after) > 0) || !(i == 1 || cn_dot(before, after) >= 0)) return false;
+    }
+    return true;
+}
+
+void cn_rod_follow(const cn_body *body, const double *x, double *rotation)
+{
+    const cn_rod *rod = body->own;
+    double r[9], before[3], after[3], normal[3];
+    if (!is_curve(body->nnode, x)) return;
+    cn_quaternion_matrix(rod->frame, r);
+    for (int k = 0; k < 3; k++)
+        normal[k] = r[3 * k], before[k] = r[3 * k + 2];
+    cn_sub(x + 3, x, after);
+    cn_normalise(after);
+    cn_add(before, after,
+           before); /* the least rotation of tangents takes the normal to its image across this */
+    if (cn_norm2(before) > 1e-12) reflect(before, normal, normal);
+    line_frames(body->nnode, x, normal, rotation);
 }
 
 static cn_status rod_bind(cn_scatter *scatter, int first)

@@ -73,6 +73,10 @@ void cn_section_twist_stress(const cn_section *section, const double place[2], d
 /* J of a rectangle a x b (Saint-Venant's series) [m^4]. */
 double cn_rectangle_torsion(double a, double b);
 
+/* Frames (nnode x 4) of a rod that starts along the line of its nodes x (nnode x 3): tangent to it, without
+ * twist, the first turned from rest as little as may be. Left as they are where the line is no curve. */
+void cn_rod_follow(const cn_body *body, const double *x, double *rotation);
+
 /* rod_skin.c */
 cn_status cn_rod_skin(cn_body *body, const cn_tets *skin, const int *ride, cn_error *error);
 /* R of node i now, and T: its rotation vector's change turns it by T times that. */

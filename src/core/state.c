@@ -6,6 +6,7 @@
 #include <string.h>
 #include "catnav/vec3.h"
 #include "polar.h"
+#include "rod.h"
 #include "rod_spin.h"
 
 /* The block: header, body states, then each body's x, v, rotation. */
@@ -40,6 +41,7 @@ static void start_body(const cn_model_body *body, cn_body_state *state)
     double centre[3] = {0, 0, 0}, mass = 0;
     memcpy(state->x, body->start ? body->start : b->rest, 3 * (size_t)b->nnode * sizeof *state->x);
     cn_body_rotation_start(b, state->rotation);
+    if (body->start && spec->model == CN_BODY_ROD) cn_rod_follow(b, state->x, state->rotation);
     state->nfree = b->nnode;
     state->push = (cn_push){.mark = -INFINITY, .best = -INFINITY, .margin = 1};
     if (body->catheter) state->inserted = spec->shape.catheter.inserted;
