@@ -8,6 +8,7 @@
 #include <limits.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -185,6 +186,31 @@ static int study_table1(int argc, char **argv)
     return become(words, n);
 }
 
+/* Collision detection against the number of triangles, as CSV. */
+static int study_detection(int argc, char **argv)
+{
+    const option_t options[] = {{0}};
+    const char *word;
+    char *end;
+    if (!command_options(&command_study, argc, argv, options, "TRIANGLES", &word)) return COMMAND_REFUSED;
+    const double most = strtod(word, &end);
+    if (*end || !(most >= 1000 && most <= 1e8)) {
+        fprintf(stderr, "catnav study detection: TRIANGLES is a number from 1000 to 1e8, not %s\n", word);
+        return COMMAND_REFUSED;
+    }
+    puts("triangles,pairs,build_ms,refit_ms,query_ms");
+    for (double ntri = 1000; ntri <= most * (1 + 1e-9); ntri *= 3.1622776601683795) {
+        cn_detection_cost cost;
+        const cn_status status = cn_study_detection((int)ntri, &cost);
+        if (status != CN_OK) {
+            fprintf(stderr, "catnav study: %.0f triangles: %s\n", ntri, cn_status_text(status));
+            return COMMAND_FAILED;
+        }
+        printf("%d,%ld,%.6g,%.6g,%.6g\n", cost.ntri, cost.pairs, cost.build_ms, cost.refit_ms, cost.query_ms);
+    }
+    return COMMAND_OK;
+}
+
 static int study_one(int argc, char **argv)
 {
     if (argc > 0 && !strcmp(argv[0], "table1")) return study_table1(argc - 1, argv + 1);
@@ -194,6 +220,7 @@ static int study_one(int argc, char **argv)
                 return fputs(command_study.help, stdout) < 0 ? COMMAND_FAILED : COMMAND_OK;
         return command_study_skin(argc - 1, argv + 1);
     }
+    if (argc > 0 && !strcmp(argv[0], "detection")) return study_detection(argc - 1, argv + 1);
     if (argc > 0) return strcmp(argv[0], "paper") ? study_all(argc, argv) : study_paper(argc - 1, argv + 1);
     fputs("usage: catnav study DIR [options], or catnav study paper SCENE.yaml [options];\n"
           "see catnav study --help\n",
@@ -212,7 +239,9 @@ static const char help[] =
     "    catnav study skin shape ANCHORS\n\n"
     "DESCRIPTION\n"
     "    DIR     Error against run time for every body model, solver, integrator and the first paper's\n"
-    "            method on problems with known answers; what happens under extreme stiffness, steps,\n"
+    "            method on problems with known answers; contact beside theory (wall forces in a bend, push,\n"
+    "            friction, buckling in a tube, pressed and bouncing bodies); strict, project and penalty\n"
+    "            side by side, and in hard cases; what happens under extreme stiffness, steps,\n"
     "            elements, start states and units; step times beside the paper's, cost against size; what\n"
     "            was left out and what that changed. Pictures as SVG and PNG, with CSV and JSON beside\n"
     "            them, in every row the command that repeats it, and DIR/index.md to read it all.\n"
@@ -238,7 +267,7 @@ static const char help[] =
     "            against anchors a vertex; and the shape of one of them.\n\n"
     "OPTIONS\n"
     "    --quick          the same on fewer and smaller cases, in a minute\n"
-    "    --only PART      accuracy, stability, speed, left_out or skin alone\n"
+    "    --only PART      accuracy, theory, contact, stability, speed, detection, left_out or skin alone\n"
     "    --scenes NAME,.. of table1: these alone\n"
     "    --seconds S      of table1: wall time that one run may take (default: 900)\n"
     "    --steps N        of table1: of every run the first N steps alone\n"

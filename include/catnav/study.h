@@ -62,6 +62,15 @@ void cn_study_clear(cn_study *study);
 /* Writes FOLDER/paper.csv and FOLDER/paper.json; makes the folder and those above it. */
 cn_status cn_study_write(const cn_study *study, const char *folder, cn_error *error);
 
+/* Cost of collision detection, the least of five timings each: a wall of `ntri` triangles, and a tube of as
+ * many that lies on its bottom all along. */
+typedef struct {
+    int ntri;                            /* of either, as made */
+    long pairs;                          /* of boxes within the gap, that the query finds */
+    double build_ms, refit_ms, query_ms; /* one tree; one tree; all pairs */
+} cn_detection_cost;
+cn_status cn_study_detection(int ntri, cn_detection_cost *cost);
+
 #ifdef __cplusplus
 }
 #endif

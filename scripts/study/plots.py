@@ -12,6 +12,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+import detection
 import stability
 
 plt.rcParams.update({"font.size": 9, "axes.titlesize": 10, "axes.grid": True, "grid.color": "0.88",
@@ -36,6 +37,12 @@ def draw(study, part, found):
             stability_map(study, model, [row for row in found if row["model"] == model])
     elif part == "speed":
         cost_against_size(study, *found[1:])
+    elif part == "contact":
+        methods(study, found[0])
+    elif part == "theory" and found:
+        beside_theory(study, found)
+    elif part == "detection" and found:
+        detection_cost(study, found)
 
 
 def save(figure, study, name):
@@ -178,3 +185,61 @@ def cost_against_size(study, rows, fits):
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=8, ncol=1)
     figure.tight_layout()
     save(figure, study, "cost")
+
+
+METHOD = {"strict": ("#009e73", "-", "o"), "project": ("#d55e00", "--", "x"), "penalty": ("#0072b2", "-.", "s")}
+
+
+def methods(study, rows):
+    """Error and depth of the ways to respond to contact against run time, a column for each scene."""
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    if not scenes:
+        return
+    figure, grid = plt.subplots(2, len(scenes), figsize=(3.2 * len(scenes), 5.0), squeeze=False)
+    for column, scene in enumerate(scenes):
+        for line, (key, label) in enumerate((("error", "error / size [-]"), ("penetration", "worst depth / size [-]"))):
+            axes = grid[line][column]
+            for name, (colour, style, marker) in METHOD.items():
+                found = [row for row in rows if row["scene"] == scene and row["method"] == name and row["total_s"] and
+                         row.get(key) is not None]
+                axes.plot([row["total_s"] for row in found], [max(row[key], LEAST) for row in found], color=colour,
+                          linestyle=style, marker=marker, markersize=5, label=name)
+            axes.set(xscale="log", yscale="log", ylim=(0.5 * LEAST, 3), xlabel="time of all steps [s]" if line else "",
+                     ylabel="" if column else label, title="" if line else scene)
+    grid[1][0].text(0.02, LEAST, "none", transform=grid[1][0].get_yaxis_transform(), va="bottom", fontsize=8)
+    grid[0][-1].legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
+    figure.tight_layout()
+    save(figure, study, "contact")
+
+
+def beside_theory(study, rows):
+    """Error of every figure beside its tolerance."""
+    shown_rows = [row for row in rows if row["error"] is not None]
+    figure, axes = plt.subplots(figsize=(6.4, 0.19 * len(shown_rows) + 1.0))
+    place = range(len(shown_rows), 0, -1)
+    axes.plot([row["tolerance"] for row in shown_rows], place, linestyle="none", marker="|", color="0.35", markersize=8,
+              label="tolerance of the reference")
+    for within, colour, label in ((True, "#009e73", "within"), (False, "#d55e00", "beyond")):
+        some = [(max(row["error"], LEAST), at) for row, at in zip(shown_rows, place) if row["within"] == within]
+        if some:
+            axes.plot(*zip(*some), linestyle="none", marker="o" if within else "x", color=colour, markersize=4, label=label)
+    axes.set_yticks(place, ["%s, %s: %s" % (row["problem"], row["case"], row["quantity"].split(" [")[0])
+                            for row in shown_rows], fontsize=6)
+    axes.set(xscale="log", xlabel="error over the size of theory's figure [-]", xlim=(0.5 * LEAST, 1))
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncol=3)
+    save(figure, study, "theory")
+
+
+def detection_cost(study, rows):
+    """Build, refit and query against triangles, beside n log n and n."""
+    figure, axes = plt.subplots(figsize=(5.0, 3.6))
+    n = numpy.array([row["triangles"] for row in rows])
+    for key, colour, marker in (("build_ms", "#d55e00", "s"), ("query_ms", "#0072b2", "o"), ("refit_ms", "#009e73", "^")):
+        values = [row[key] for row in rows]
+        law = n * numpy.log(n) if detection.LAWS[key] == "n log n" else n
+        axes.plot(n, law * values[0] / law[0], color=colour, linestyle=":", linewidth=0.8)
+        axes.plot(n, values, color=colour, marker=marker, markersize=4,
+                  label="%s (dotted: %s)" % (key[:-3], detection.LAWS[key]))
+    axes.set(xscale="log", yscale="log", xlabel="triangles of a surface [-]", ylabel="time [ms]")
+    axes.legend()
+    save(figure, study, "detection")

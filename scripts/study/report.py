@@ -4,6 +4,8 @@ import os
 import platform
 import time
 
+import contact
+import detection
 import stability
 
 
@@ -72,6 +74,16 @@ def summary(study, parts):
         found = collections.Counter(row["result"] for row in parts["stability"])
         lines += ["Stability: of %d extreme cells %s." % (sum(found.values()), ", ".join(
             "%d %s" % (found[r], r) for r in stability.RESULTS if found[r])), ""]
+    if parts.get("theory"):
+        off = [row for row in parts["theory"] if not row["within"]]
+        lines += ["Contact beside theory: %d of %d figures within the reference's tolerance%s." % (
+            len(parts["theory"]) - len(off), len(parts["theory"]),
+            "; beyond it: " + ", ".join("%s, %s" % (row["problem"], row["case"]) for row in off) if off else ""), ""]
+    if "contact" in parts:
+        strict = [row for row in parts["contact"][0] + parts["contact"][1] if row["method"] == "strict"]
+        lines += ["`strict`: %d crossings and %d points outside in %d steps of %d runs of this study." % (
+            sum(row["crossings"] or 0 for row in strict), sum(row["outside"] or 0 for row in strict),
+            sum(row["steps"] or 0 for row in strict), len(strict)), ""]
     if "speed" in parts:
         ratios = ["%s, `%s`: %.3g times" % (row["case"], row["model"], row["paper_over_own"])
                   for row in parts["speed"][0] if row["method"] == "own" and row.get("paper_over_own")]
@@ -115,6 +127,55 @@ def accuracy_part(study, parts):
         lines += table(["model", "method", "linear", "integrator", "least error", "at", "time", "residual",
                         "time to 5 %"], body)
     return lines
+
+
+def theory_part(rows):
+    lines = ["## Contact beside theory", "",
+             "Scenes whose answer is known from theory or an independent computation (reference data), run as any "
+             "other scene; the error is over the size of theory's figure.", ""]
+    lines += picture("theory", "errors beside their tolerances")
+    return lines + table(["problem", "case", "quantity", "ours", "theory", "error", "tolerance", "", "time"],
+                         [[row["problem"], row["case"], row["quantity"], number(row["ours"], "%.4g"),
+                           number(row["theory"], "%.4g"), number(row["error"], "%.1e"), number(row["tolerance"], "%.2g"),
+                           "within" if row["within"] else "**beyond**" if row["error"] is not None else row["message"],
+                           duration(row["time_s"])] for row in rows])
+
+
+def contact_part(study, rows, hard):
+    lines = ["## Contact: `strict`, `project`, `penalty`", "",
+             "The same scenes by each response, at several steps. Error: largest distance of a node at the end from the "
+             "converged run's, over the body's size. Depth: the deepest that anything ever was inside a wall, over the "
+             "body's size. Crossings (pairs of triangles) and points outside are summed over the steps by the one exact "
+             "test that judges every method.", ""]
+    lines += ["- %s: %s" % (scene, truth) for scene, truth in study.contact_truth.items()] + [""]
+    lines += picture("contact", "error and depth against run time")
+    lines += table(["scene", "method", "step [ms]", "worst depth", "crossings", "outside", "error", "median step [ms]",
+                    "95 % [ms]", "ended"],
+                   [[row["title"], row["method"], number(1e3 * row["dt"]), number(row["penetration"], "%.1e"),
+                     number(row["crossings"], "%d"), number(row["outside"], "%d"), number(row.get("error"), "%.1e"),
+                     number(row["step_ms_median"]), number(row["step_ms_p95"]), row["status"]] for row in rows])
+    lines += ["### Hard cases", ""]
+    lines += ["- *%s*: %s" % item for item in contact.TEXT.items()] + [""]
+    lines += table(["case", "method", "result", "steps", "crossings", "outside", "worst depth", "median step [ms]",
+                    "said"],
+                   [[row["case"], row["method"], row["result"], number(row["steps"], "%d"),
+                     number(row["crossings"], "%d"), number(row["outside"], "%d"), number(row["penetration"], "%.1e"),
+                     number(row["step_ms_median"]),
+                     "crept %.1e of its size, kinetic energy %.1e to %.1e J" % (
+                         row["creep"], row["kinetic_before"], row["kinetic"]) if row.get("creep") is not None else
+                     row["message"] if row["result"] in ("refused", "stopped") else ""] for row in hard])
+    return lines + ["[CSV](contact_hard.csv), [JSON](contact_hard.json)", ""]
+
+
+def detection_part(rows):
+    lines = ["## Collision detection", "",
+             "A wall and a tube of as many triangles that lies on its bottom all along: building the AABB tree of one, "
+             "refitting it, and finding every pair of boxes within the gap. Exponents are least-squares slopes over "
+             "the law each should follow besides n.", ""]
+    lines += picture("detection", "build, refit and query against triangles")
+    return lines + table(["", "law", "exponent of n", "at %.0f triangles [ms]" % rows[-1]["triangles"]],
+                         [[key[:-3], detection.LAWS[key], number(rows[0]["exponent_" + key[:-3]], "%.2f"),
+                           number(rows[-1][key])] for key in detection.COSTS])
 
 
 def stability_part(study, rows):
@@ -245,14 +306,21 @@ def write(study, parts):
     lines += summary(study, parts)
     if "accuracy" in parts:
         lines += accuracy_part(study, parts["accuracy"])
+    if parts.get("theory"):
+        lines += theory_part(parts["theory"])
+    if "contact" in parts:
+        lines += contact_part(study, *parts["contact"])
     if "stability" in parts:
         lines += stability_part(study, parts["stability"])
     if "speed" in parts:
         lines += speed_part(study, *parts["speed"])
+    if parts.get("detection"):
+        lines += detection_part(parts["detection"])
     if "left_out" in parts:
         lines += left_out_part(parts["left_out"])
     if "skin" in parts:
         lines += skin_part(study, parts["skin"])
+    lines += ["Time taken: " + ", ".join("%s %.0f s" % item for item in study.took.items()) + ".", ""]
     if study.notes:
         lines += ["## Not run", ""] + ["- " + note for note in study.notes] + [""]
     with open(os.path.join(study.folder, "index.md"), "w") as file:

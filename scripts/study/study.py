@@ -1,22 +1,26 @@
 #!/usr/bin/python3
-"""catnav study DIR: error against run time, stability, speed, and what was left out, measured: tables, pictures
+"""catnav study DIR: error against run time, contact beside theory, stability, speed, and what was left out, measured: tables, pictures
 and one index.md in a folder. The command `catnav study` starts it and says where it is itself."""
 import argparse
 import os
 import sys
+import time
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import accuracy
+import contact
+import detection
 import left_out
 import plots
 import report
 import skin
 import speed
 import stability
+import theory
 import tools
 
-PARTS = ("accuracy", "stability", "speed", "left_out", "skin")
+PARTS = ("accuracy", "theory", "contact", "stability", "speed", "detection", "left_out", "skin")
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
@@ -41,15 +45,19 @@ def main():
     except OSError as error:
         print("catnav study: %s" % error, file=sys.stderr)
         return 1
-    parts, run = {}, {"accuracy": accuracy.run, "stability": stability.run, "speed": speed.run,
+    parts, run = {}, {"accuracy": accuracy.run, "theory": theory.run, "contact": contact.run,
+                      "stability": stability.run, "speed": speed.run, "detection": detection.run,
                       "left_out": left_out.run, "skin": skin.run}
     for name in PARTS:
         if given.only in (None, name):
+            begun = time.monotonic()
             parts[name] = run[name](study)
+            study.took[name] = time.monotonic() - begun
             plots.draw(study, name, parts[name])
             report.write(study, parts)
     study.say("%s/index.md" % given.folder)
     failed = [row for row in parts.get("stability", []) if row["result"] in stability.FAILURES]
+    failed += [row for row in parts.get("contact", ([], []))[1] if row["result"] in contact.FAILURES]
     return 4 if failed else 0
 
 

@@ -110,6 +110,7 @@ class Study:
         self.root, self.notes, self.commands = root, [], 0  # root: of the package, launch/ and test/ in it
         self.reference = os.path.abspath(os.environ.get("CATNAV_REFERENCE",
                                                         os.path.join(root, "test", "data", "reference")))
+        self.took = {}  # seconds, by part
         self.nodes = {}  # of second-order meshes, by name
         self.begun = time.monotonic()
         self.version = subprocess.run([catnav, "--version"], capture_output=True, text=True).stdout.strip()

@@ -96,7 +96,7 @@ class Everything(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(cls.folder.cleanup)
         cls.done = subprocess.run([CATNAV, "study", cls.folder.name, "--quick"], capture_output=True, text=True,
-                                  timeout=600)
+                                  timeout=900)
 
     def rows(self, name):
         with open(os.path.join(self.folder.name, name + ".csv")) as file:
@@ -118,7 +118,8 @@ class Everything(unittest.TestCase):
         for picture in [name[:-4] for name in files if name.endswith(".svg")]:
             for ending in (".png", ".csv", ".json"):
                 self.assertGreater(os.path.getsize(os.path.join(self.folder.name, picture + ending)), 0)
-        for head in ("Error against run time", "Stability", "Speed", "What is left out"):
+        for head in ("Error against run time", "Contact beside theory", "Contact: `strict`, `project`, `penalty`", "Stability",
+                     "Speed", "Collision detection", "What is left out"):
             self.assertIn("## " + head, page)
 
     def test_the_error_falls_with_finer_meshes_and_the_papers_method_is_there(self):
@@ -151,6 +152,28 @@ class Everything(unittest.TestCase):
         self.assertEqual({row["result"] for row in rows} - {"recovered", "still deformed", "refused", "stopped", "slow"}, set())
         self.assertGreater(sum(row["result"] == "recovered" for row in rows), len(rows) / 2)
         self.assertTrue(all(row["message"] for row in rows if row["result"] in ("refused", "stopped")))
+
+    def test_contact_is_beside_theory_and_strict_lets_nothing_cross(self):
+        theory = self.rows("theory")
+        self.assertGreater(len(theory), 15)
+        self.assertEqual([row for row in theory if not row["within"]], [])
+        rows, hard = self.rows("contact"), self.rows("contact_hard")
+        self.assertEqual({row["method"] for row in rows}, {"strict", "project", "penalty"})
+        for row in rows + hard:
+            if row["method"] == "strict":
+                self.assertEqual((row["crossings"], row["outside"]), (0, 0), row)
+        self.assertTrue(all(row["step_ms_median"] > 0 and row["error"] is not None for row in rows))
+        self.assertTrue(any(row["penetration"] > 0 for row in rows if row["method"] == "penalty"))
+        deep = [row for row in hard if "deep" in row["case"]]
+        self.assertTrue(deep and all(row["result"] == ("refused" if row["method"] == "strict" else "parted") for row in deep))
+        self.assertTrue(all("deep, near" in row["message"] for row in deep if row["method"] == "strict"))
+        self.assertTrue(all(row["result"] == "held" for row in hard if "deep" not in row["case"]))
+
+    def test_detection_is_measured_against_triangles(self):
+        rows = self.rows("detection")
+        self.assertGreater(len(rows), 3)
+        self.assertTrue(all(row["build_ms"] > 0 and row["refit_ms"] > 0 and row["pairs"] > row["triangles"] for row in rows))
+        self.assertIn("TRIANGLES", Study.run_it(self, "detection", "many", status=1).stderr)
 
     def test_speed_and_what_is_left_out_are_measured(self):
         speed = self.rows("speed")
