@@ -165,8 +165,8 @@ static int study_all(int argc, char **argv)
     return become(words, n);
 }
 
-/* The first paper's table. Its options are the program's own. */
-static int study_table1(int argc, char **argv)
+/* A program of its own, whose options are its own. */
+static int study_program(const char *file, int argc, char **argv)
 {
     static char program[PATH_MAX], self[PATH_MAX];
     const char *words[32];
@@ -175,10 +175,10 @@ static int study_table1(int argc, char **argv)
         if (!strcmp(argv[i], "--help"))
             return fputs(command_study.help, stdout) < 0 ? COMMAND_FAILED : COMMAND_OK;
     if (argc > 24) {
-        fputs("catnav study table1: too many options\n", stderr);
+        fprintf(stderr, "catnav study: too many options for %s\n", file);
         return COMMAND_REFUSED;
     }
-    if (!find_program("table1.py", program, sizeof program, self, sizeof self)) return COMMAND_FAILED;
+    if (!find_program(file, program, sizeof program, self, sizeof self)) return COMMAND_FAILED;
     words[n++] = "python3", words[n++] = program;
     words[n++] = "--catnav", words[n++] = self;
     for (int i = 0; i < argc; i++)
@@ -213,7 +213,8 @@ static int study_detection(int argc, char **argv)
 
 static int study_one(int argc, char **argv)
 {
-    if (argc > 0 && !strcmp(argv[0], "table1")) return study_table1(argc - 1, argv + 1);
+    if (argc > 0 && !strcmp(argv[0], "table1")) return study_program("table1.py", argc - 1, argv + 1);
+    if (argc > 0 && !strcmp(argv[0], "device")) return study_program("device.py", argc - 1, argv + 1);
     if (argc > 0 && !strcmp(argv[0], "skin")) {
         for (int i = 1; i < argc; i++)
             if (!strcmp(argv[i], "--help"))
@@ -234,6 +235,8 @@ static const char help[] =
     "SYNOPSIS\n"
     "    catnav study DIR [--quick] [--only PART] [--threads N]\n"
     "    catnav study paper SCENE.yaml [--out DIR] [--set KEY=VALUE]... [--threads N] [--quiet]\n"
+    "    catnav study device SCENE.yaml [--closeness E] [--seconds S] [--out DIR] [--threads N]\n"
+    "    catnav study detection TRIANGLES\n"
     "    catnav study table1 [--scenes NAME,...] [--seconds S] [--steps N] [--out DIR] [--threads N]\n"
     "    catnav study skin speed|bezier|smooth [REPEATS]\n"
     "    catnav study skin shape ANCHORS\n\n"
@@ -257,6 +260,14 @@ static const char help[] =
     "            not converge and the worst |b - A x| / |b| among them; Newton iterations; crossing\n"
     "            triangle pairs and points outside the free space, summed over the steps; how far the tip\n"
     "            is from the own method's at the end.\n\n"
+    "    device  Runs the scene with thicker and stiffer devices than its own, as many at a time as there "
+    "are\n"
+    "            threads, until the largest diameter and the largest Young's modulus that reach the target\n"
+    "            within the limits are known to E, and says what stops the next one. Every run with its\n"
+    "            verdict in DIR/device.csv and DIR/device.json; picture DIR/device.svg and .png.\n\n"
+    "    detection\n"
+    "            Prints as CSV what building, refitting and querying the AABB tree of surfaces costs, from\n"
+    "            1,000 to TRIANGLES triangles.\n\n"
     "    table1  Runs the first paper's scenes (bear, snake, fish, artery) whole, by their own method and\n"
     "            by the paper's, and prints its Table 1 with our columns beside it: nodes, planning,\n"
     "            simulation, collision, milliseconds a step; DIR/table1.csv and DIR/table1.json. A scene\n"
@@ -269,9 +280,10 @@ static const char help[] =
     "    --quick          the same on fewer and smaller cases, in a minute\n"
     "    --only PART      accuracy, theory, contact, stability, speed, detection, left_out or skin alone\n"
     "    --scenes NAME,.. of table1: these alone\n"
-    "    --seconds S      of table1: wall time that one run may take (default: 900)\n"
+    "    --seconds S      of table1 and device: wall time that one run may take (default: 900)\n"
+    "    --closeness E    of device: largest that passes and least that does not, relative (default: 0.05)\n"
     "    --steps N        of table1: of every run the first N steps alone\n"
-    "    --out DIR        of paper and table1: where CSV and JSON go (default: build/study)\n"
+    "    --out DIR        of paper, table1 and device: where CSV and JSON go (default: build/study)\n"
     "    --set KEY=VALUE  of paper: changes the scene before it is read, as in catnav run\n"
     "    --threads N      worker threads (default: one a core)\n"
     "    --quiet          of paper: prints errors only\n\n"
