@@ -26,6 +26,7 @@ typedef struct {
     int nrefused;             /* balls no edge may pass through (limits broken there) */
     const cn_ball *refused;
     unsigned seed;
+    int seeds; /* tried side by side, as many at a time as threads, the best kept; 0: one, the query's own */
     int samples;   /* -1: auto */
     double budget; /* emergency stop [s] */
     int threads;
@@ -40,7 +41,8 @@ typedef struct {
     double *vertex; /* (nvertex x 3) */
     int nedge;
     int *edge;         /* (nedge x 2) */
-    bool reproducible; /* false where the emergency budget stopped the search */
+    unsigned seed;     /* of the path kept */
+    bool reproducible; /* false where the emergency budget stopped a search */
     double pinch[3];   /* on CN_ERR_NO_PATH: where, and how wide (radius) */
     double pinch_radius;
     int failed_leg;
@@ -66,8 +68,10 @@ double cn_plan_region(const cn_plan_query *query, const double p[3], double towa
 /* The region is soft: a planner allows what the farthest of the query's own points needs, at least a cell. */
 double cn_plan_region_slack(const cn_plan_query *query);
 
-/* Plans with `planner`, then shortens, centres and smooths within clearance, turn limit and region, adds the
- * deviations, and measures. *roadmap is kept for pictures and cleared by the caller. */
+/* Plans with `planner` (which several threads call at once where there are seeds), then shortens, centres and
+ * smooths within clearance, turn limit and region, adds the deviations, and measures. Of several seeds' paths
+ * the gentlest is kept, where all turn little enough the one of least cost, of equal ones the first: the same
+ * for any number of threads. *roadmap is kept for pictures and cleared by the caller. */
 cn_status cn_plan_path(cn_path **out, const cn_plan_query *query, cn_planner planner, cn_roadmap *roadmap,
                        cn_error *error);
 

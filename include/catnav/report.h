@@ -103,7 +103,7 @@ typedef struct {
         long intersections, outside_nodes;
         double force_max;
         double momentum_error; /* of penalty, else NAN: made by forces not equal and opposite [kg m/s] */
-    } contact; /* gap NAN: no walls */
+    } contact;                 /* gap NAN: no walls */
     struct {
         double force_max, work;
         int ninsertion; /* at most 1,000 for each body with a push drive, in equal steps and the last one */
@@ -122,7 +122,8 @@ typedef struct {
     cn_left_out left_out[8];
     struct {
         double length, clearance_min, turn_max;
-    } path; /* of the last plan; NAN: none */
+        unsigned seed; /* from which it was planned */
+    } path;            /* of the last plan; NAN: none */
     size_t memory_peak_bytes;
 } cn_report;
 

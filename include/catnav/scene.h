@@ -253,6 +253,7 @@ typedef struct {
         int samples;   /* -1: auto */
         double budget; /* [s] */
         int replans;
+        int seeds;         /* plans side by side, the best kept */
         double resolution; /* map cell; NAN: auto */
     } planner;
     struct {

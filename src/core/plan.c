@@ -8,8 +8,6 @@
 #include "catnav/vec3.h"
 #include "tree.h"
 
-static const double pi = 3.14159265358979323846;
-
 void cn_roadmap_clear(cn_roadmap *roadmap)
 {
     if (!roadmap) return;
@@ -281,12 +279,11 @@ static cn_status gentler(cn_path **path, const cn_plan_query *query, cn_planner 
     return status == CN_ERR_MEMORY || status == CN_ERR_CANCELLED ? status : CN_OK;
 }
 
-cn_status cn_plan_path(cn_path **out, const cn_plan_query *query, cn_planner planner, cn_roadmap *roadmap,
+cn_status cn_plan_once(cn_path **out, const cn_plan_query *query, cn_planner planner, cn_roadmap *roadmap,
                        cn_error *error)
 {
     cn_path *path = NULL;
     cn_status status;
-    double where = 0;
 
     *out = NULL;
     memset(roadmap, 0, sizeof *roadmap);
@@ -300,16 +297,7 @@ cn_status cn_plan_path(cn_path **out, const cn_plan_query *query, cn_planner pla
     if (query->spec->ndeviation > 0 && (status = cn_plan_deviate(&path, query, error)) != CN_OK) goto fail;
 
     cn_plan_keeps(query, path->n, path->x, path->clearance, NULL);
-    path->turn_max = cn_path_turn(path, cn_plan_chord(query), &where);
-    if (path->turn_max > query->spec->max_turn) {
-        cn_place place;
-        cn_path_at(path, where, &place);
-        CN_LOG(CN_LOG_WARNING,
-               "the path turns %.1f degrees at (%.4g, %.4g, %.4g) mm, more than the %.1f asked for: "
-               "no gentler way was found",
-               path->turn_max * 180 / pi, 1e3 * place.x[0], 1e3 * place.x[1], 1e3 * place.x[2],
-               query->spec->max_turn * 180 / pi);
-    }
+    path->turn_max = cn_path_turn(path, cn_plan_chord(query), NULL);
     *out = path;
     return CN_OK;
 fail:

@@ -5,6 +5,10 @@
 #include <stdio.h>
 #include "catnav/plan.h"
 
+/* cn_plan_path by the query's own seed alone, without a word where it turns too much. */
+cn_status cn_plan_once(cn_path **out, const cn_plan_query *query, cn_planner planner, cn_roadmap *roadmap,
+                       cn_error *error);
+
 /* Turns the roadmap's polyline into a path of least bending that keeps its room: through every point of the
  * query, along its direction, refused balls and region kept. */
 cn_status cn_plan_smooth(cn_path **out, const cn_plan_query *query, const cn_roadmap *roadmap,

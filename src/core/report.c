@@ -186,9 +186,8 @@ char *cn_report_json(const cn_report *r)
         root = json_pack(
             "{s:s, s:o, s:I, s:i, s:b, s:s, s:o," /* what ran, and the answer */
             " s:{s:i, s:i, s:i, s:i, s:i, s:i}, s:o, s:i, s:i, s:i,"
-            " s:{s:o, s:I, s:I, s:o, s:o}, s:{s:o, s:o, s:O}, s:O, s:{s:i, s:i, s:o, s:i}, s:O, s:O, s:{s:o, "
-            "s:o, "
-            "s:o}, s:I}",
+            " s:{s:o, s:I, s:I, s:o, s:o}, s:{s:o, s:o, s:O}, s:O, s:{s:i, s:i, s:o, s:i}, s:O, s:O,"
+            " s:{s:o, s:o, s:o, s:I}, s:I}",
             "catnav", CATNAV_VERSION, "scene", text(r->scene), "seed", (json_int_t)r->seed, "threads",
             r->threads, "reproducible", (int)r->reproducible, "status", cn_verdict_status(r->verdict.code),
             "verdict", verdict(&r->verdict), "counts", "nodes", r->counts.nodes, "dof", r->counts.dof, "tets",
@@ -202,7 +201,8 @@ char *cn_report_json(const cn_report *r)
             "solver", "newton_max", r->solver.newton_max, "linear_max", r->solver.linear_max, "residual_max",
             number(r->solver.residual_max), "inverted_max", r->solver.inverted_max, "bodies", bodies,
             "left_out", out, "path", "length", number(r->path.length), "clearance_min",
-            number(r->path.clearance_min), "turn_max", number(r->path.turn_max), "memory_peak_bytes",
+            number(r->path.clearance_min), "turn_max", number(r->path.turn_max), "seed",
+            (json_int_t)r->path.seed, "memory_peak_bytes",
             (json_int_t)r->memory_peak_bytes);
     if (root) json = json_dumps(root, JSON_INDENT(2));
     json_decref(root);

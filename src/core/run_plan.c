@@ -148,7 +148,8 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
     if (directed) query.direction = spec->shape.catheter.direction;
     if (!catheter && spec->drive.nodes == CN_NODES_EACH) query.direction = run->model->body[b].direction;
     query.nrefused = body->nrefused, query.refused = body->refused;
-    query.seed = run->seed, query.samples = run->scene->planner.samples, query.budget = run->budget;
+    query.seed = run->seed, query.seeds = run->scene->planner.seeds,
+    query.samples = run->scene->planner.samples, query.budget = run->budget;
     query.threads = run->threads, query.cancel = run->hooks ? run->hooks->cancel : NULL;
 
     const double start = cn_seconds();
@@ -196,6 +197,7 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
     body->roadmap = roadmap;
     run->report->path.length = cn_path_length(body->path);
     run->report->path.turn_max = body->path->turn_max;
+    run->report->path.seed = roadmap.seed;
     run->report->path.clearance_min = INFINITY;
     for (int i = 0; i < body->path->n; i++)
         run->report->path.clearance_min = fmin(run->report->path.clearance_min, body->path->clearance[i]);

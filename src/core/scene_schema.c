@@ -300,6 +300,7 @@ static const cn_key planner_keys[] = {
     {"samples",    CN_KEY_COUNT, CN_MAY_AUTO, "auto", 1, INT_MAX, "", "states drawn for the roadmap", AT(cn_scene, planner.samples)},
     {"budget",     CN_KEY_REAL,  CN_ABOVE,    "60",   0, INF, "s", "emergency stop of a search (wall time)", AT(cn_scene, planner.budget)},
     {"replans",    CN_KEY_COUNT, 0,           "20",   0, INT_MAX, "", "new paths at most, after limits were broken", AT(cn_scene, planner.replans)},
+    {"seeds",      CN_KEY_COUNT, 0,           "1",    1, 64, "", "plans made side by side from as many seeds, the best of which is kept", AT(cn_scene, planner.seeds)},
     {"resolution", CN_KEY_REAL,  CN_MAY_AUTO | CN_ABOVE, "auto", 0, INF, "m", "cell of the lumen's map", AT(cn_scene, planner.resolution)},
     {0}};
 static const cn_schema planner_schema = {planner_keys, NULL};

@@ -177,6 +177,54 @@ static void the_same_seed_gives_the_same_path_bit_for_bit_on_any_thread_count(vo
     }
 }
 
+/* Of five seeds' paths, each also planned alone; by every cost. */
+static void of_several_seeds_the_best_path_is_kept_on_any_thread_count(void **state)
+{
+    enum { SEEDS = 5 };
+    (void)state;
+    for (int cost = CN_COST_LENGTH; cost <= CN_COST_BENDING; cost++) {
+        cn_path *kept[2], *alone[SEEDS];
+        unsigned seed[2];
+        plan_case c;
+        assert_int_equal(case_fork(&c, 0.7e-3, 0, 0, 1), 0);
+        c.spec.sampling = CN_SAMPLING_UNIFORM, c.spec.cost = (cn_cost)cost;
+        for (int i = 0; i < 2; i++) {
+            cn_roadmap roadmap;
+            cn_error error = {0};
+            cn_plan_query query = case_query(&c, 2, fork_ends);
+            query.seed = 7, query.seeds = SEEDS, query.threads = 1 + i;
+            assert_int_equal(cn_plan_path(&kept[i], &query, cn_ompl_planner, &roadmap, &error), CN_OK);
+            assert_true(roadmap.reproducible && roadmap.npoint > 1);
+            seed[i] = roadmap.seed;
+            cn_roadmap_clear(&roadmap);
+        }
+        assert_int_equal(kept[0]->n, kept[1]->n);
+        assert_memory_equal(kept[0]->x, kept[1]->x, 3 * (size_t)kept[0]->n * sizeof(double));
+        assert_int_equal(seed[0], seed[1]);
+        bool found = false;
+        for (int k = 0; k < SEEDS; k++) {
+            cn_plan_query query = case_query(&c, 2, fork_ends);
+            query.seed = 7 + 0x9e3779b9u * (unsigned)k;
+            alone[k] = plan(&query);
+            double room = INFINITY, best = INFINITY;
+            for (int i = 0; i < alone[k]->n; i++)
+                room = fmin(room, alone[k]->clearance[i]);
+            for (int i = 0; i < kept[0]->n; i++)
+                best = fmin(best, kept[0]->clearance[i]);
+            if (cost == CN_COST_LENGTH) assert_true(cn_path_length(kept[0]) <= cn_path_length(alone[k]));
+            if (cost == CN_COST_CLEARANCE) assert_true(best >= room);
+            if (query.seed == seed[0]) {
+                found = true;
+                assert_memory_equal(alone[k]->x, kept[0]->x, 3 * (size_t)kept[0]->n * sizeof(double));
+            }
+            cn_path_free(alone[k]);
+        }
+        assert_true(found);
+        case_free(&c);
+        cn_path_free(kept[0]), cn_path_free(kept[1]);
+    }
+}
+
 static void waypoints_are_passed_in_order(void **state)
 {
     plan_case c;
@@ -457,6 +505,7 @@ int main(void)
         cmocka_unit_test(a_refused_ball_forces_the_other_arm),
         cmocka_unit_test(an_unreachable_waypoint_is_no_path_with_the_pinch_named),
         cmocka_unit_test(the_same_seed_gives_the_same_path_bit_for_bit_on_any_thread_count),
+        cmocka_unit_test(of_several_seeds_the_best_path_is_kept_on_any_thread_count),
         cmocka_unit_test(waypoints_are_passed_in_order),
         cmocka_unit_test(a_region_is_kept),
         cmocka_unit_test(sampling_by_contact_hugs_the_wall_and_by_the_medial_axis_keeps_off_it),
