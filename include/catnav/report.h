@@ -45,8 +45,8 @@ typedef struct {
 } cn_verdict;
 
 typedef struct {
-    double median, p95, max;
-} cn_spread; /* NAN when empty */
+    double median, p95, p99, max; /* p95: the least sample that at least 95 % do not exceed */
+} cn_spread;                      /* NAN when empty */
 
 typedef struct {
     char body[64];

@@ -3,7 +3,7 @@ import problems
 from tools import PAPER
 
 COLUMNS = ["problem", "reference", "model", "method", "linear", "integrator", "resolution", "nodes", "dof", "dt",
-           "error", "step_ms_median", "step_ms_p95", "step_ms_max", "total_s", "total_s_min", "total_s_max", "runs",
+           "error", "step_ms_median", "step_ms_p95", "step_ms_p99", "step_ms_max", "total_s", "total_s_min", "total_s_max", "runs",
            "time_over_paper", "newton_max", "linear_max", "residual_max", "inverted_max", "status", "message",
            "pareto", "command"]
 
@@ -44,7 +44,7 @@ def one(study, problem, file, model, way, resolution, step, runs):
     if middle.report:
         row.update(nodes=middle.figure("counts", "nodes"), dof=middle.figure("counts", "dof"),
                    total_s=middle.solve_s, total_s_min=done[0].solve_s, total_s_max=done[-1].solve_s,
-                   **{"step_ms_" + key: middle.figure("time", "step_ms", key) for key in ("median", "p95", "max")},
+                   **{"step_ms_" + key: middle.figure("time", "step_ms", key) for key in ("median", "p95", "p99", "max")},
                    **{key: middle.figure("solver", key) for key in ("newton_max", "linear_max", "residual_max",
                                                                     "inverted_max")})
         if middle.status in problem.finished:

@@ -78,8 +78,8 @@ text(const char *string) /* text cut within a character, or not UTF-8 at all, is
 
 static json_t *spread(cn_spread s)
 {
-    return json_pack("{s:o, s:o, s:o}", "median", number(s.median), "p95", number(s.p95), "max",
-                     number(s.max));
+    return json_pack("{s:o, s:o, s:o, s:o}", "median", number(s.median), "p95", number(s.p95), "p99",
+                     number(s.p99), "max", number(s.max));
 }
 
 static const char *model_name(cn_body_model model)
@@ -202,8 +202,7 @@ char *cn_report_json(const cn_report *r)
             number(r->solver.residual_max), "inverted_max", r->solver.inverted_max, "bodies", bodies,
             "left_out", out, "path", "length", number(r->path.length), "clearance_min",
             number(r->path.clearance_min), "turn_max", number(r->path.turn_max), "seed",
-            (json_int_t)r->path.seed, "memory_peak_bytes",
-            (json_int_t)r->memory_peak_bytes);
+            (json_int_t)r->path.seed, "memory_peak_bytes", (json_int_t)r->memory_peak_bytes);
     if (root) json = json_dumps(root, JSON_INDENT(2));
     json_decref(root);
     json_decref(limits);
@@ -234,12 +233,20 @@ static int ascending(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-cn_spread cn_spread_of(int n, double *samples) /* p95: the smallest sample that at least 95 % do not exceed */
+/* The smallest sample that at least `percent` of them do not exceed. */
+static double quantile(long long n, const double *ascending_samples, int percent)
 {
-    if (n <= 0) return (cn_spread){NAN, NAN, NAN};
+    return ascending_samples[(n * percent + 99) / 100 - 1];
+}
+
+cn_spread cn_spread_of(int n, double *samples)
+{
+    if (n <= 0) return (cn_spread){NAN, NAN, NAN, NAN};
     qsort(samples, (size_t)n, sizeof *samples, ascending);
-    const int i = (int)ceil(0.95 * n) - 1;
-    return (cn_spread){0.5 * (samples[(n - 1) / 2] + samples[n / 2]), samples[i], samples[n - 1]};
+    return (cn_spread){.median = 0.5 * (samples[(n - 1) / 2] + samples[n / 2]),
+                       .p95 = quantile(n, samples, 95),
+                       .p99 = quantile(n, samples, 99),
+                       .max = samples[n - 1]};
 }
 
 size_t cn_memory_peak(void)

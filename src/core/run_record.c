@@ -299,7 +299,7 @@ void cn_report_refused(cn_report *report, const cn_scene *scene, const cn_error 
     report->contact.gap_min = report->contact.momentum_error = NAN;
     report->path.length = report->path.clearance_min = report->path.turn_max = NAN;
     report->time.real_time_factor = NAN;
-    const cn_spread none = {NAN, NAN, NAN};
+    const cn_spread none = {NAN, NAN, NAN, NAN};
     report->time.fem_ms = report->time.collision_ms = report->time.step_ms = report->time.step_ms_last100 =
         none;
     cn_verdict *verdict = &report->verdict;

@@ -42,7 +42,8 @@ static void cell(FILE *file, double value)
 
 static void write_csv(FILE *file, const cn_study *study)
 {
-    fputs("fraction,step,time_s,free_nodes,method,steps,failure,step_ms_median,step_ms_p95,step_ms_max,ratio,"
+    fputs("fraction,step,time_s,free_nodes,method,steps,failure,step_ms_median,step_ms_p95,step_ms_p99,step_"
+          "ms_max,ratio,"
           "fem_ms_median,collision_ms_median,residual_median,residual_max,linear_median,linear_max,"
           "unconverged,linear_residual_worst,newton_median,newton_max,rejected,intersections,outside_nodes,"
           "tip_apart_m\n",
@@ -55,6 +56,7 @@ static void write_csv(FILE *file, const cn_study *study)
                     cn_study_method_name(m), r->steps, r->failure == CN_OK ? "" : cn_status_text(r->failure));
             const double first[] = {r->step_ms.median,
                                     r->step_ms.p95,
+                                    r->step_ms.p99,
                                     r->step_ms.max,
                                     r->ratio,
                                     r->fem_ms.median,
@@ -85,8 +87,8 @@ static json_t *number(double value)
 
 static json_t *spread(cn_spread s)
 {
-    return json_pack("{s:o, s:o, s:o}", "median", number(s.median), "p95", number(s.p95), "max",
-                     number(s.max));
+    return json_pack("{s:o, s:o, s:o, s:o}", "median", number(s.median), "p95", number(s.p95), "p99",
+                     number(s.p99), "max", number(s.max));
 }
 
 static json_t *row(int method, const cn_study_row *r)

@@ -31,8 +31,8 @@ static cn_report filled(void)
                              .time = 0.09,
                              .waypoint = 0};
     r.time.simulation_s = 2.5;
-    r.time.step_ms = (cn_spread){1, 2, 3};
-    r.time.step_ms_last100 = (cn_spread){NAN, NAN, NAN};
+    r.time.step_ms = (cn_spread){1, 2, 3, 4};
+    r.time.step_ms_last100 = (cn_spread){NAN, NAN, NAN, NAN};
     r.contact.gap_min = NAN;
     r.drive.work = INFINITY;
     r.nlimit = 1;
@@ -121,6 +121,7 @@ static const char *const keys[] = {"catnav",
                                    "time.collision_ms.max",
                                    "time.step_ms.median",
                                    "time.step_ms.p95",
+                                   "time.step_ms.p99",
                                    "time.step_ms.max",
                                    "time.step_ms_last100.median",
                                    "time.step_ms_last100.p95",
@@ -269,13 +270,13 @@ static void the_spread_of_known_samples_is_known(void **state)
     for (int i = 0; i < 100; i++)
         hundred[i] = 100 - i;
     cn_spread s = cn_spread_of(100, hundred);
-    assert_true(s.median == 50.5 && s.p95 == 95 && s.max == 100);
+    assert_true(s.median == 50.5 && s.p95 == 95 && s.p99 == 99 && s.max == 100);
     s = cn_spread_of(2, two);
-    assert_true(s.median == 2 && s.p95 == 3 && s.max == 3);
+    assert_true(s.median == 2 && s.p95 == 3 && s.p99 == 3 && s.max == 3);
     s = cn_spread_of(1, one);
-    assert_true(s.median == 7 && s.p95 == 7 && s.max == 7);
+    assert_true(s.median == 7 && s.p95 == 7 && s.p99 == 7 && s.max == 7);
     s = cn_spread_of(0, NULL);
-    assert_true(isnan(s.median) && isnan(s.p95) && isnan(s.max));
+    assert_true(isnan(s.median) && isnan(s.p95) && isnan(s.p99) && isnan(s.max));
 }
 
 static void the_memory_peak_grows_with_memory(void **state)
