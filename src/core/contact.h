@@ -148,17 +148,29 @@ typedef struct {
     const cn_carry *carry;
     bool linked; /* the pattern does not join what a triangle's points hang on: all stiffness goes by links */
 } cn_hang;
+/* Where the nearest points of two primitives are free to slide, and the distance stays least: a parameter
+ * each, how it changes r = sum w_i x_i, and how the weights. */
+typedef struct {
+    int n;
+    double along[2][3], weight[2][4];
+    double inverse[2][2]; /* of the products of `along` */
+} cn_slide;
 /* Stiffness that joins two matrices, or two places of one that its pattern does not join: k j j' with
- * j = (w_i n) over the points. */
+ * j = (w_i n) over the points, and bend times what of the second derivative of d^2/2 is not along n. */
 typedef struct cn_link {
     int surface[2];
     int nside;   /* points of the first side: 1 or 2 of the 4 */
-    bool own[2]; /* the part within this side is in its matrix already */
+    bool own[2]; /* the part of k j j' within this side is in its matrix already */
     int p[4];    /* points */
     double w[4]; /* sum 0 */
     double n[3]; /* unit */
     double k;    /* >= 0 [N/m] */
+    double bend; /* <= 0 [N/m] */
+    double distance;
+    cn_slide slide; /* where bend is not 0 */
 } cn_link;
+/* f (of the four points) = stiffness times their motions v. */
+void cn_link_multiply(const cn_link *link, const double v[4][3], double f[4][3]);
 /* A pair that rubs; its link has the normal as n, and as k the bound of the friction, mu N [N]. */
 typedef struct cn_rub {
     cn_link link;
@@ -167,8 +179,8 @@ typedef struct cn_rub {
 } cn_rub;
 /* Barrier energy [J] at x; adds the force on the points to f (may be NULL) and its stiffness to the matrices
  * of hang (nsurface; NULL: none). Pairs with something that does not give way: the whole second derivative
- * when exact (mollifier aside), else its positive Gauss-Newton part. Pairs of which both sides give way: the
- * Gauss-Newton part, each side's own blocks into its matrix (not of a linked one), the rest as a link. What
+ * when exact (mollifier aside), else its positive Gauss-Newton part. Pairs of which both sides give way: each
+ * side's own blocks of the Gauss-Newton part into its matrix (not of a linked one), the rest as a link. What
  * comes of arms' turning is cn_body_pull's. INFINITY when a distance is not positive. */
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
                       const cn_hang *hang, bool exact, cn_pool *pool);

@@ -14,19 +14,17 @@ typedef struct {
     double weight[4];
     double bary[3];  /* of the triangle's nearest point, nodes against triangles only */
     double where[3]; /* nearest point of the second side */
-    /* where the nearest points are free to slide: how r changes, and the weights with it */
-    int nslide;
-    double slide[2][3], shift[2][4];
+    cn_slide slide;
 } nearest;
 
 /* Notes a free parameter that takes weight from point i to point j. */
 static void slides(nearest *out, const double q[4][3], int i, int j, double sign)
 {
-    double *shift = out->shift[out->nslide], *slide = out->slide[out->nslide++];
-    shift[0] = shift[1] = shift[2] = shift[3] = 0;
-    shift[i] = -sign, shift[j] = sign;
+    double *weight = out->slide.weight[out->slide.n], *along = out->slide.along[out->slide.n++];
+    weight[0] = weight[1] = weight[2] = weight[3] = 0;
+    weight[i] = -sign, weight[j] = sign;
     for (int k = 0; k < 3; k++)
-        slide[k] = sign * (q[j][k] - q[i][k]);
+        along[k] = sign * (q[j][k] - q[i][k]);
 }
 
 /* Parameters within a triangle: none at a corner, one on an edge, two inside. */
@@ -37,7 +35,7 @@ static void nearest_of(const cn_pair *pair, const double *x, nearest *out)
     for (int i = 0; i < 4; i++)
         cn_copy3(x + 3 * (size_t)pair->p[i], q[i]);
     const double(*const points)[3] = (const double(*)[3])q;
-    out->nslide = 0;
+    out->slide.n = 0;
     if (pair->kind == CN_PAIR_NODE_TRIANGLE) {
         int in[3], n = 0;
         out->distance = cn_point_triangle(q[0], q[1], q[2], q[3], out->bary);
@@ -98,30 +96,65 @@ static bool passed_over(const cn_contact_model *model, const cn_pair *pair, cons
     return cn_norm(across) > band * length || !(wall->above[pair->triangle] & bit);
 }
 
-/* Second derivative of d^2/2 by points k and l: the nearest points slide so that it stays least, hence
- * D_xx - D_xt D_tt^-1 D_tx over the sliding parameters t. */
-static void half_square_hessian(const nearest *at, int k, int l, double h[9])
+/* The products of the sliding directions, inverted; parallel edges slide nowhere: the mollifier's ground. */
+static void invert_slide(cn_slide *slide)
 {
-    double inverse[2][2] = {{0, 0}, {0, 0}};
-    const double g11 = at->nslide > 0 ? cn_norm2(at->slide[0]) : 0;
-    for (int i = 0; i < 9; i++)
-        h[i] = i % 4 == 0 ? at->weight[k] * at->weight[l] : 0;
-    if (at->nslide == 1) inverse[0][0] = 1 / g11;
-    if (at->nslide == 2) {
-        const double g12 = cn_dot(at->slide[0], at->slide[1]), g22 = cn_norm2(at->slide[1]);
-        const double det = g11 * g22 - g12 * g12;
-        if (!(det > 1e-12 * g11 * g22)) return; /* parallel: the mollifier's ground */
-        inverse[0][0] = g22 / det, inverse[1][1] = g11 / det, inverse[0][1] = inverse[1][0] = -g12 / det;
+    double(*inverse)[2] = slide->inverse;
+    const double g11 = slide->n > 0 ? cn_norm2(slide->along[0]) : 0;
+    if (slide->n == 1) inverse[0][0] = 1 / g11;
+    if (slide->n < 2) return;
+    const double g12 = cn_dot(slide->along[0], slide->along[1]), g22 = cn_norm2(slide->along[1]);
+    const double det = g11 * g22 - g12 * g12;
+    if (!(det > 1e-12 * g11 * g22)) {
+        slide->n = 0;
+        return;
     }
-    for (int p = 0; p < at->nslide; p++)
-        for (int q = 0; q < at->nslide; q++)
-            for (int r = 0; r < 3; r++)
-                for (int c = 0; c < 3; c++)
-                    h[3 * r + c] -=
-                        inverse[p][q] *
-                        (at->weight[k] * at->slide[p][r] +
-                         at->shift[p][k] * at->distance * at->direction[r]) *
-                        (at->weight[l] * at->slide[q][c] + at->shift[q][l] * at->distance * at->direction[c]);
+    inverse[0][0] = g22 / det, inverse[1][1] = g11 / det, inverse[0][1] = inverse[1][0] = -g12 / det;
+}
+
+/* Stiffness of a pair: (stretch - bend) n n' + bend (second derivative of d^2/2), the latter by the nearest
+ * points sliding so that d stays least: D_xx - D_xt D_tt^-1 D_tx over the sliding parameters t. */
+void cn_link_multiply(const cn_link *link, const double v[4][3], double f[4][3])
+{
+    const cn_slide *slide = &link->slide;
+    double r[3] = {0, 0, 0}, held[2] = {0, 0};
+    for (int i = 0; i < 4; i++)
+        cn_axpy(link->w[i], v[i], r);
+    const double along = (link->k - link->bend) * cn_dot(link->n, r);
+    for (int i = 0; i < 4; i++)
+        for (int k = 0; k < 3; k++)
+            f[i][k] = link->w[i] * (along * link->n[k] + link->bend * r[k]);
+    if (link->bend == 0) return;
+    for (int q = 0; q < slide->n; q++) {
+        double by = cn_dot(slide->along[q], r);
+        for (int i = 0; i < 4; i++)
+            by += slide->weight[q][i] * link->distance * cn_dot(link->n, v[i]);
+        for (int p = 0; p < slide->n; p++)
+            held[p] += link->bend * slide->inverse[p][q] * by;
+    }
+    for (int p = 0; p < slide->n; p++)
+        for (int i = 0; i < 4; i++) {
+            cn_axpy(-held[p] * link->w[i], slide->along[p], f[i]);
+            cn_axpy(-held[p] * slide->weight[p][i] * link->distance, link->n, f[i]);
+        }
+}
+
+/* Its block by points k and l. */
+static void link_block(const cn_link *link, int k, int l, double h[9])
+{
+    const cn_slide *slide = &link->slide;
+    const double s = link->w[k] * link->w[l];
+    for (int i = 0; i < 9; i++)
+        h[i] = s * ((link->k - link->bend) * link->n[i / 3] * link->n[i % 3] + (i % 4 == 0 ? link->bend : 0));
+    if (link->bend == 0) return;
+    for (int p = 0; p < slide->n; p++)
+        for (int q = 0; q < slide->n; q++)
+            for (int i = 0; i < 9; i++)
+                h[i] -= link->bend * slide->inverse[p][q] *
+                        (link->w[k] * slide->along[p][i / 3] +
+                         slide->weight[p][k] * link->distance * link->n[i / 3]) *
+                        (link->w[l] * slide->along[q][i % 3] +
+                         slide->weight[q][l] * link->distance * link->n[i % 3]);
 }
 
 /* m(c) of near-parallel edges, c = |ea x eb|^2; its derivative by ea and eb in dm. */
@@ -180,35 +213,35 @@ void cn_contact_stiffen(const cn_hang *hang, int i, int j, const double h[9])
     add_block(hang->matrix, turn + p, turn + q, both);
 }
 
-/* Stiffness of a pair: bend (1 - n n')-like part only where `exact` and one side alone gives way. */
 static void add_pair_stiffness(const cn_contact_model *model, cn_contact *contact, const cn_pair *pair,
                                const nearest *at, double stretch, double bend, const cn_hang *hang)
 {
-    const int n = cn_pair_nside(pair);
-    bool gives[2], own[2];
+    cn_link *link = &contact->link[contact->nlink];
+    bool gives[2];
+    link->nside = cn_pair_nside(pair), link->k = stretch, link->bend = bend, link->distance = at->distance;
+    cn_copy3(at->direction, link->n);
     for (int k = 0; k < 2; k++) {
         gives[k] = hang[pair->surface[k]].matrix;
-        own[k] = gives[k] && !hang[pair->surface[k]].linked;
+        link->surface[k] = pair->surface[k], link->own[k] = gives[k] && !hang[pair->surface[k]].linked;
     }
-    const bool whole = gives[0] != gives[1] && (own[0] || own[1]);
-    for (int k = 0; k < 4; k++)
-        for (int l = k < n ? 0 : n; l < (k < n ? n : 4) && own[k >= n]; l++) {
-            const int first = model->surface[pair->surface[k >= n]].first;
-            const double rest = whole ? bend : 0, s = (stretch - rest) * at->weight[k] * at->weight[l];
-            double h[9];
-            if (rest != 0) half_square_hessian(at, k, l, h);
-            for (int r = 0; r < 9; r++)
-                h[r] = s * at->direction[r / 3] * at->direction[r % 3] + (rest != 0 ? rest * h[r] : 0);
-            cn_contact_stiffen(&hang[pair->surface[k >= n]], pair->p[k] - first, pair->p[l] - first, h);
-        }
-    if (whole || (!gives[0] && !gives[1])) return;
-    cn_link *link = &contact->link[contact->nlink++];
-    link->nside = n, link->k = stretch;
-    cn_copy3(at->direction, link->n);
-    for (int k = 0; k < 2; k++)
-        link->surface[k] = pair->surface[k], link->own[k] = own[k];
     for (int k = 0; k < 4; k++)
         link->p[k] = pair->p[k], link->w[k] = at->weight[k];
+    if (bend != 0) {
+        link->slide = at->slide;
+        invert_slide(&link->slide);
+    }
+    const bool whole = gives[0] != gives[1] && (link->own[0] || link->own[1]);
+    if (!whole && (gives[0] || gives[1])) contact->nlink++;
+    cn_link own = *link;
+    if (!whole) own.bend = 0;
+    for (int k = 0; k < 4; k++)
+        for (int l = k < own.nside ? 0 : own.nside; l < (k < own.nside ? own.nside : 4); l++) {
+            const int side = k >= own.nside, first = model->surface[pair->surface[side]].first;
+            double h[9];
+            if (!own.own[side]) break;
+            link_block(&own, k, l, h);
+            cn_contact_stiffen(&hang[pair->surface[side]], pair->p[k] - first, pair->p[l] - first, h);
+        }
 }
 
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,

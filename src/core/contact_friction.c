@@ -24,6 +24,7 @@ void cn_contact_note_friction(const cn_contact_model *model, cn_contact *contact
         if (!(contact->distance[i] < pair->gap) || !cn_pair_press(model, pair, x, link->w, link->n, &link->k))
             continue;
         rub->stops = false;
+        link->bend = 0;
         link->k *= friction, link->nside = cn_pair_nside(pair);
         memcpy(link->p, pair->p, sizeof link->p);
         memcpy(link->surface, pair->surface, sizeof link->surface);

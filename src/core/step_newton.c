@@ -104,26 +104,39 @@ static double evaluate_body(const cn_stage *s, const double *x, const double *u,
     return inertia + elastic + path - load;
 }
 
+static bool touched(const cn_stage *s)
+{
+    EACH_FREE(s, i)
+    if (cn_norm2(s->part->touch + 3 * i) != 0) return true;
+    return false;
+}
+
 /* The potential of all bodies, gradients, and with `tangent` >= 0 the matrices. */
 static double evaluate(const cn_group *g, cn_where at, int tangent)
 {
     double energy = 0;
+    bool again = false;
     EACH_STAGE(g, s)
     {
         const cn_body *b = s->part->body->body;
-        if (tangent >= 0 && !s->part->sheet)
+        if (tangent >= 0 && !s->part->sheet && !s->part->settled)
             cn_matrix_clear(s->part->matrix, s->rows < b->nblock ? s->nactive : b->nblock);
         memset(s->part->touch, 0,
                3 * (size_t)(b->nblock > b->nnode ? b->nblock : s->nactive) * sizeof(double));
     }
     if (g->strict) energy = cn_touch(g, at, tangent >= 0, tangent == CN_TANGENT_EXACT);
     if (g->pressed) energy = cn_stage_add_penalty(g, at, tangent >= 0);
+    EACH_STAGE(g, s)
+    if (s->part->settled && touched(s)) s->part->settled = false, again = true;
+    if (again) return evaluate(g, at, tangent);
     g->work->energy_size = fabs(energy);
     EACH_STAGE(g, s)
     {
         cn_part *part = s->part;
-        energy += at == CN_AT_STATE ? evaluate_body(s, s->x, part->u, tangent)
-                                    : evaluate_body(s, part->trial, part->trial_u, tangent);
+        if (!part->settled)
+            part->energy = at == CN_AT_STATE ? evaluate_body(s, s->x, part->u, tangent)
+                                             : evaluate_body(s, part->trial, part->trial_u, tangent);
+        energy += part->energy;
         g->work->energy_size += part->energy_size;
     }
     return energy;
@@ -136,19 +149,34 @@ void cn_stage_assemble(const cn_group *g)
     evaluate(&alone, CN_AT_STATE, CN_TANGENT_PROJECTED);
 }
 
-/* How far the residual is above what is asked, 1: just there; of the body for which it is farthest.
- * converged: what is asked is the tolerance, else the round-off alone. */
+/* How far a body's residual is above what is asked, 1: just there. converged: what is asked is the tolerance,
+ * else the round-off alone. */
+static double excess_of(const cn_stage *s, bool converged)
+{
+    const double floor = cn_stage_floor(s), tolerance = s->part->model->scene->solver.tolerance;
+    const double residual = norm_free(s, s->part->gradient);
+    return residual > 0 ? residual / (converged ? fmax(tolerance * s->part->residual_scale, floor) : floor)
+                        : 0;
+}
+
+/* Of the body for which it is farthest. */
 static double excess(const cn_group *g, bool converged)
 {
     double most = 0;
     EACH_STAGE(g, s)
-    {
-        const double floor = cn_stage_floor(s), tolerance = s->part->model->scene->solver.tolerance;
-        const double aim = converged ? fmax(tolerance * s->part->residual_scale, floor) : floor;
-        const double residual = norm_free(s, s->part->gradient);
-        if (residual > 0) most = fmax(most, residual / aim);
-    }
+    most = fmax(most, excess_of(s, converged));
     return most;
+}
+
+/* Bodies in balance are left out, until something touches them. */
+static void settle(const cn_group *g, bool converged)
+{
+    EACH_STAGE(g, s)
+    {
+        cn_part *part = s->part;
+        if (!part->settled && !part->model->single)
+            part->settled = excess_of(s, converged) <= 1 && !touched(s);
+    }
 }
 
 static bool rubs(const cn_group *g)
@@ -189,12 +217,31 @@ cn_status cn_stage_start(const cn_group *g, bool moved)
 static const double FORCING = 0.05;
 
 /* How far an iterative solver has to go: no further than the iteration's own error, of second order
- * (Eisenstat and Walker 1996, choice 2), nor than what is asked of the step. */
-static double forcing(double over, double before)
+ * (Eisenstat and Walker 1996, choice 2), of first with matrices that are kept, nor than what is asked of the
+ * step. */
+static double forcing(double over, double before, bool keep)
 {
     const double ratio = over / before; /* 0 at first */
-    const double own = ratio > 0 ? fmin(FORCING, 0.5 * ratio * ratio) : FORCING;
+    const double own = ratio > 0 ? fmin(FORCING, 0.5 * ratio * (keep ? 0.5 : ratio)) : FORCING;
     return fmin(0.5, fmax(own, 0.5 / over));
+}
+
+/* Matrices serve another iteration where the last one left no more than this part of the residual: what they
+ * do not know of is less still. */
+static const double NEAR_LINEAR = 0.1;
+
+/* Contact's stiffness changes too fast to be kept; and what is asked down to round-off gets there best by an
+ * iteration of second order. */
+static bool may_keep(const cn_group *g)
+{
+    if (g->work->model->scene->leave_out.refactor == CN_OFF) return false;
+    if (g->pressed && g->work->penalty->nspring) return false;
+    if (g->strict && (g->work->contact->nrub || cn_contact_touches(g->work->contact))) return false;
+    EACH_STAGE(g, s)
+    if (!s->part->settled &&
+        !(s->part->model->scene->solver.tolerance * s->part->residual_scale > 100 * cn_stage_floor(s)))
+        return false;
+    return true;
 }
 
 /* Adds share * M/h^2 to the matrices; a rotation counts by its node's mass at the lever. */
@@ -204,7 +251,7 @@ static void stiffen(const cn_group *g, double share)
     {
         cn_matrix *a = s->part->matrix;
         const cn_body *b = s->part->body->body;
-        if (s->part->sheet) continue;
+        if (s->part->sheet || s->part->settled) continue;
         const double each = share / (s->h * s->h);
         EACH_FREE(s, i)
         for (int k = 0; k < 3; k++)
@@ -329,6 +376,8 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
     const cn_model *model = work->model;
     const int tangent = model->single ? CN_TANGENT_WARPED : CN_TANGENT_EXACT;
     bool keep = cn_stage_keeps(g), assembled = !keep;
+    EACH_STAGE(g, s)
+    s->part->settled = false;
     double energy = evaluate(g, CN_AT_STATE, keep ? -1 : tangent), slope = 0, before = INFINITY;
     cn_status status = CN_OK;
     double enough = 1; /* of the residual, while friction is as last noted */
@@ -348,10 +397,12 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
             over = excess(g, true), before = INFINITY, assembled = true, keep = false;
             enough = lag < FRICTION_LAGS ? fmax(1, LAGGED * over) : 1;
         }
+        settle(g, done > 0);
         if (done == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
-        if (keep && done && over > 0.2 * before) keep = false; /* too stale to gain by */
+        if (done && !assembled) /* too stale to gain by, or good enough still */
+            keep = over <= (keep ? 0.2 : NEAR_LINEAR) * before && (keep || may_keep(g));
         if (!keep && !assembled) energy = evaluate(g, CN_AT_STATE, tangent);
-        work->forcing = forcing(over, before);
+        work->forcing = forcing(over, before, keep);
         status = (model->single ? single_direction : newton_direction)(g, keep, &slope, figures);
         if (status != CN_OK) return status;
         figures->newton++;
@@ -359,7 +410,8 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
         double expected = isfinite(before) ? over * fmin(1, over / before) : over;
         if (done && cn_stage_iterative(g)) expected = fmin(expected, work->forcing * over);
         const bool last = done + 1 == model->newton || (expected <= 1 && arrived);
-        const int then = keep || last ? -1 : tangent;
+        const bool chord = may_keep(g) && (done ? over <= NEAR_LINEAR * before : true);
+        const int then = keep || last || chord ? -1 : tangent;
         before = over;
         double fraction = 1;
         if (g->strict && (status = cn_touch_allowed(g, false, &fraction)) != CN_OK) return status;

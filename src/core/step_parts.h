@@ -31,7 +31,9 @@ typedef struct {
     bool anchored;                      /* a node is held by the scene */
     unsigned char *held;                /* fixed, or a rod's in the sheath (nblock) */
     double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
+    double energy;                      /* as last evaluated [J] */
     bool linked;                        /* contact joins it to others, or to itself */
+    bool settled;                       /* in balance, and nothing touches it: left out of the iteration */
     bool sheet;                         /* a wall that deforms: its matrix is constant, ... */
     double sheet_h;                     /* ... factored for this step, 0: not yet */
     bool factored;                      /* the solver holds a factor of an earlier iteration, made ... */

@@ -41,6 +41,7 @@ cn_status cn_stage_factor(const cn_group *g)
     EACH_STAGE(g, s)
     {
         cn_part *part = s->part;
+        if (part->settled) continue;
         if (part->sheet) {
             const cn_status status = cn_wall_factor(s);
             if (status != CN_OK) return status;
@@ -82,10 +83,7 @@ static int links_of(const cn_group *g, const cn_link **link)
 static cn_status solve_alone(const cn_stage *s, double forcing, cn_step_figures *figures)
 {
     cn_part *part = s->part;
-    bool asleep = part->sheet; /* a wall that nothing touches lies still */
-    for (int i = 0; asleep && i < 3 * s->rows; i++)
-        asleep = part->gradient[i] == 0;
-    if (asleep) {
+    if (part->settled) {
         memset(part->dx, 0, 3 * (size_t)s->rows * sizeof *part->dx);
         return CN_OK;
     }
@@ -174,30 +172,32 @@ void cn_point_force(const cn_part *part, int point, const double force[3], doubl
     cn_axpy(1, moment, f + 3 * (size_t)(carry->turn + node));
 }
 
-/* q += the links' part of A p; those with this part are another's (-1: none). */
-static void add_links(const cn_group *g, int condensed)
+/* q += the links' part of A p, their bend too (`bent`); those with this part are another's (-1: none). */
+static void add_links(const cn_group *g, int condensed, bool bent)
 {
     const cn_work *work = g->work;
-    const cn_link *link;
-    const int nlink = links_of(g, &link);
-    for (int l = 0; l < nlink; l++, link++) {
-        if (condensed >= 0 && (link->surface[0] == condensed || link->surface[1] == condensed)) continue;
-        double along[2] = {0, 0}; /* of either side */
+    const cn_link *links;
+    const int nlink = links_of(g, &links);
+    for (int l = 0; l < nlink; l++) {
+        cn_link link = links[l];
+        const bool takes[2] = {link.surface[0] < work->npart, link.surface[1] < work->npart};
+        double v[4][3], f[4][3], along[2] = {0, 0}; /* of either side */
+        if (condensed >= 0 && (link.surface[0] == condensed || link.surface[1] == condensed)) continue;
+        if (!bent) link.bend = 0;
         for (int i = 0; i < 4; i++) {
-            const int side = i >= link->nside, surface = link->surface[side];
-            double d[3];
-            if (surface >= work->npart) continue;
-            cn_point_motion(&work->part[surface], link->p[i] - work->surfaces->surface[surface].first,
-                            work->part[surface].cg[P], d);
-            along[side] += link->w[i] * cn_dot(link->n, d);
+            const int side = i >= link.nside, surface = link.surface[side];
+            v[i][0] = v[i][1] = v[i][2] = 0;
+            if (takes[side])
+                cn_point_motion(&work->part[surface], link.p[i] - work->surfaces->surface[surface].first,
+                                work->part[surface].cg[P], v[i]);
+            along[side] += link.w[i] * cn_dot(link.n, v[i]);
         }
+        cn_link_multiply(&link, (const double(*)[3])v, f);
         for (int i = 0; i < 4; i++) {
-            const int side = i >= link->nside, surface = link->surface[side];
-            double f[3] = {0, 0, 0};
-            if (surface >= work->npart) continue;
-            cn_axpy(link->k * link->w[i] * (along[1 - side] + (link->own[side] ? 0 : along[side])), link->n,
-                    f);
-            cn_point_force(&work->part[surface], link->p[i] - work->surfaces->surface[surface].first, f,
+            const int side = i >= link.nside, surface = link.surface[side];
+            if (!takes[side]) continue;
+            if (link.own[side]) cn_axpy(-link.k * link.w[i] * along[side], link.n, f[i]);
+            cn_point_force(&work->part[surface], link.p[i] - work->surfaces->surface[surface].first, f[i],
                            work->part[surface].cg[Q]);
         }
     }
@@ -221,7 +221,7 @@ static double dot(const cn_group *g, int a, int b)
 static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
 {
     cn_work *work = g->work;
-    const double tolerance = fmax(work->model->scene->solver.linear_tolerance, work->forcing);
+    double tolerance = fmax(work->model->scene->solver.linear_tolerance, work->forcing);
     cn_status status = CN_OK;
     double rz = 0;
     EACH_STAGE(g, s)
@@ -240,6 +240,7 @@ static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
     const double bb = dot(g, R, R);
     double rr = bb;
     int done = 0;
+    bool bent = true;
     for (; rr > tolerance * tolerance * bb && done < 1000; done++) {
         EACH_STAGE(g, s)
         if (s->part->linked &&
@@ -254,10 +255,19 @@ static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
                 part->cg[P][i] = part->cg[Z][i] + beta * part->cg[P][i];
             cn_matrix_multiply(part->matrix, s->rows, part->cg[P], part->cg[Q], work->pool);
         }
-        add_links(g, condensed);
+        add_links(g, condensed, bent);
         if (condensed >= 0) cn_wall_add(g);
         const double pq = dot(g, P, Q);
-        if (!(pq > 0)) return isnan(pq) ? CN_ERR_NOT_FINITE : CN_ERR_SINGULAR;
+        if (!(pq > 0)) {
+            if (isnan(pq)) return CN_ERR_NOT_FINITE;
+            if (done > 0) { /* as far as it is convex: a descent all the same */
+                tolerance = INFINITY;
+                break;
+            }
+            if (!bent) return CN_ERR_SINGULAR;
+            bent = false, rz = 0, done = -1;
+            continue;
+        }
         EACH_STAGE(g, s)
         if (s->part->linked) EACH_FREE(s, i)
             {

@@ -301,6 +301,71 @@ static void matrices_and_links_make_the_gauss_newton_stiffness(void **state)
     place_free(&p);
 }
 
+/* A pair of edges so near to parallel that the mollifier, whose second derivative is left out, acts. */
+static bool mollified(const place *p)
+{
+    for (int i = 0; i < p->contact->npair; i++) {
+        const cn_pair *pair = &p->contact->pair[i];
+        double e[2][3], n[3];
+        if (pair->kind != CN_PAIR_EDGES || !(p->contact->distance[i] < pair->gap)) continue;
+        for (int k = 0; k < 2; k++)
+            cn_sub(p->x + 3 * (size_t)pair->p[2 * k + 1], p->x + 3 * (size_t)pair->p[2 * k], e[k]);
+        cn_cross(e[0], e[1], n);
+        if (cn_norm2(n) < pair->mollify) return true;
+    }
+    return false;
+}
+
+static void exact_links_are_the_forces_derivative_in_any_direction(void **state)
+{
+    (void)state;
+    place p;
+    unsigned seed = 29;
+    int done = 0;
+    cn_matrix *a[2];
+    const double h = 1e-8;
+    two_cubes(&p, 0);
+    matrices(&p, a);
+    const int n = 3 * p.model->npoint;
+    double *v = malloc((size_t)n * sizeof *v), *f[2], *got = malloc((size_t)n * sizeof *got);
+    for (int k = 0; k < 2; k++)
+        f[k] = malloc((size_t)n * sizeof *f[k]);
+    for (int i = 0; i < 80; i++) {
+        if (!approach(&p, &seed, 0.7)) continue;
+        const cn_hang hang[2] = {{.matrix = a[0]}, {.matrix = a[1]}};
+        place_find(&p, NULL, 100 * h);
+        cn_contact_add(p.model, p.contact, p.x, NULL, hang, true, NULL);
+        if (mollified(&p)) continue;
+        for (int k = 0; k < n; k++)
+            v[k] = shape_random(&seed);
+        memset(got, 0, (size_t)n * sizeof *got);
+        for (int l = 0; l < p.contact->nlink; l++) {
+            const cn_link *link = &p.contact->link[l];
+            double move[4][3], pull[4][3];
+            for (int k = 0; k < 4; k++)
+                cn_copy3(v + 3 * link->p[k], move[k]);
+            cn_link_multiply(link, (const double(*)[3])move, pull);
+            for (int k = 0; k < 4; k++)
+                cn_axpy(1, pull[k], got + 3 * link->p[k]);
+        }
+        for (int k = 0; k < 2; k++) {
+            for (int j = 0; j < n; j++)
+                p.x[j] += (k ? -2 : 1) * h * v[j];
+            memset(f[k], 0, (size_t)n * sizeof *f[k]);
+            place_add(&p, f[k]);
+        }
+        const double largest = largest_of(n, got);
+        for (int j = 0; j < n; j++)
+            assert_true(fabs(got[j] - (f[1][j] - f[0][j]) / (2 * h)) < 1e-4 * largest);
+        done++;
+    }
+    assert_true(done > 10);
+    for (int k = 0; k < 2; k++)
+        free(f[k]), cn_matrix_free(a[k]);
+    free(v), free(got);
+    place_free(&p);
+}
+
 /* Plane faces, moved along their common normal: nothing bends, so links give the second derivative. */
 static void links_resist_an_approach_as_the_energy_does(void **state)
 {
@@ -640,6 +705,7 @@ int main(void)
         cmocka_unit_test(the_frame_and_the_order_of_surfaces_do_not_matter),
         cmocka_unit_test(stiffness_of_one_side_is_minus_the_force_gradient),
         cmocka_unit_test(matrices_and_links_make_the_gauss_newton_stiffness),
+        cmocka_unit_test(exact_links_are_the_forces_derivative_in_any_direction),
         cmocka_unit_test(links_resist_an_approach_as_the_energy_does),
         cmocka_unit_test(a_linked_body_leaves_its_matrix_alone),
         cmocka_unit_test(no_body_passes_another_however_fast),

@@ -132,14 +132,19 @@ static void each_bounce_is_e_squared_as_high_as_the_one_before(void **state)
     scene_steps_free(&s);
 }
 
-static void two_balls_share_the_impulse_by_their_masses(void **state)
+/* A ball on a block's flat face: pole on pole two balls slip off each other. */
+static void two_bodies_share_the_impulse_by_their_masses(void **state)
 {
     static const double e[] = {0, 0.7, 1};
     (void)state;
     for (int i = 0; i < 3; i++) {
         char text[1024] = "step: 0.001\nbodies:\n";
         scene_steps s;
-        ball(text, sizeof text, "low", 0.05, 0, 0.5), ball(text, sizeof text, "high", 0.03, 0.084, -1);
+        strcat(
+            text,
+            "- name: low\n  shape: {box: {min: [-0.045, -0.045, -0.05], max: [0.045, 0.045, 0.05]}}\n" STIFF
+            "  start: {velocity: [0, 0, 0.5]}\n");
+        ball(text, sizeof text, "high", 0.03, 0.084, -1);
         sprintf(text + strlen(text),
                 "contact: {response: elastic, restitution: %g, gap: 1.0e-4}\n"
                 "solver: {tolerance: 1.0e-8, linear_tolerance: 1.0e-12}\n",
@@ -149,7 +154,9 @@ static void two_balls_share_the_impulse_by_their_masses(void **state)
         const double common = (m0 * 0.5 - m1) / (m0 + m1);
         scene_steps_go(&s, 8);
         const double v0 = scene_steps_motion(&s, 0).velocity[2], v1 = scene_steps_motion(&s, 1).velocity[2];
-        if (!(fabs(v1 - v0 - 1.5 * e[i]) < 5e-3)) fail_msg("e %g: part at %g", e[i], v1 - v0);
+        /* what stays is pushed out of the barrier, at no more than its gap in a step */
+        if (!(fabs(v1 - v0 - 1.5 * e[i]) < (e[i] > 0 ? 5e-3 : 0.1)))
+            fail_msg("e %g: part at %g", e[i], v1 - v0);
         if (!(fabs((m0 * v0 + m1 * v1) / (m0 + m1) - common) < 1e-7)) fail_msg("momentum %g %g", v0, v1);
         scene_steps_free(&s);
     }
@@ -184,7 +191,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_ball_leaves_a_floor_at_e_times_the_speed_it_came_with),
         cmocka_unit_test(each_bounce_is_e_squared_as_high_as_the_one_before),
-        cmocka_unit_test(two_balls_share_the_impulse_by_their_masses),
+        cmocka_unit_test(two_bodies_share_the_impulse_by_their_masses),
         cmocka_unit_test(a_rod_that_falls_flat_bounces_and_a_wall_that_moves_strikes),
     };
     return cmocka_run_group_tests(tests, write_ball, remove_ball);
