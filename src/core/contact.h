@@ -121,7 +121,8 @@ typedef struct cn_contact {
     double gap_listed;  /* pairs that can come nearer than this are listed [m] */
     int *patch;         /* union-find over points */
     double *patch_force;
-    struct cn_link *link; /* of the last cn_contact_add with stiffness (3 capacity: friction's two besides) */
+    struct cn_link
+        *link; /* of the last cn_contact_add with stiffness (5 capacity: mollifier's and friction's two) */
     int nlink;
     struct cn_rub *rub; /* where friction acts as last noted (capacity) */
     int nrub;
@@ -179,9 +180,9 @@ typedef struct cn_rub {
 } cn_rub;
 /* Barrier energy [J] at x; adds the force on the points to f (may be NULL) and its stiffness to the matrices
  * of hang (nsurface; NULL: none). Pairs with something that does not give way: the whole second derivative
- * when exact (mollifier aside), else its positive Gauss-Newton part. Pairs of which both sides give way: each
- * side's own blocks of the Gauss-Newton part into its matrix (not of a linked one), the rest as a link. What
- * comes of arms' turning is cn_body_pull's. INFINITY when a distance is not positive. */
+ * when exact (of the mollifier the positive part), else its positive Gauss-Newton part. Pairs of which both
+ * sides give way: each side's own blocks of the Gauss-Newton part into its matrix (not of a linked one), the
+ * rest as a link. What comes of arms' turning is cn_body_pull's. INFINITY when a distance is not positive. */
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
                       const cn_hang *hang, bool exact, cn_pool *pool);
 /* Coulomb's friction (contact_friction.c): notes where and how hard pairs press at x, ... */

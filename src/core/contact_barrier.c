@@ -157,10 +157,11 @@ static void link_block(const cn_link *link, int k, int l, double h[9])
                          slide->weight[q][l] * link->distance * link->n[i % 3]);
 }
 
-/* m(c) of near-parallel edges, c = |ea x eb|^2; its derivative by ea and eb in dm. */
-static double mollifier(const cn_pair *pair, const double *x, double dm[2][3])
+/* m(c) of near-parallel edges, c = |ea x eb|^2; its derivative by ea and eb in dm, by c in slope. */
+static double mollifier(const cn_pair *pair, const double *x, double dm[2][3], double *slope)
 {
     double e[2][3], n[3];
+    *slope = 0;
     for (int k = 0; k < 6; k++)
         dm[k / 3][k % 3] = 0;
     if (pair->kind != CN_PAIR_EDGES) return 1;
@@ -169,10 +170,11 @@ static double mollifier(const cn_pair *pair, const double *x, double dm[2][3])
     cn_cross(e[0], e[1], n);
     const double c = cn_norm2(n), most = pair->mollify;
     if (c >= most) return 1;
-    const double slope = 2 / most * (1 - c / most), both = cn_dot(e[0], e[1]);
+    *slope = 2 / most * (1 - c / most);
+    const double both = cn_dot(e[0], e[1]);
     for (int i = 0; i < 2; i++)
         for (int k = 0; k < 3; k++)
-            dm[i][k] = slope * 2 * (cn_norm2(e[1 - i]) * e[i][k] - both * e[1 - i][k]);
+            dm[i][k] = *slope * 2 * (cn_norm2(e[1 - i]) * e[i][k] - both * e[1 - i][k]);
     return c / most * (2 - c / most);
 }
 
@@ -213,35 +215,63 @@ void cn_contact_stiffen(const cn_hang *hang, int i, int j, const double h[9])
     add_block(hang->matrix, turn + p, turn + q, both);
 }
 
+void cn_contact_join(const cn_contact_model *model, cn_contact *contact, const cn_link *joined,
+                     const cn_hang *hang)
+{
+    cn_link link = *joined;
+    bool gives[2];
+    for (int k = 0; k < 2; k++) {
+        gives[k] = hang[link.surface[k]].matrix;
+        link.own[k] = gives[k] && !hang[link.surface[k]].linked;
+    }
+    const bool whole = gives[0] != gives[1] && (link.own[0] || link.own[1]);
+    if (!whole && (gives[0] || gives[1])) contact->link[contact->nlink++] = link;
+    if (!whole) link.bend = 0;
+    for (int k = 0; k < 4; k++)
+        for (int l = k < link.nside ? 0 : link.nside; l < (k < link.nside ? link.nside : 4); l++) {
+            const int side = k >= link.nside, first = model->surface[link.surface[side]].first;
+            double h[9];
+            if (!link.own[side]) break;
+            link_block(&link, k, l, h);
+            cn_contact_stiffen(&hang[link.surface[side]], link.p[k] - first, link.p[l] - first, h);
+        }
+}
+
 static void add_pair_stiffness(const cn_contact_model *model, cn_contact *contact, const cn_pair *pair,
                                const nearest *at, double stretch, double bend, const cn_hang *hang)
 {
-    cn_link *link = &contact->link[contact->nlink];
-    bool gives[2];
-    link->nside = cn_pair_nside(pair), link->k = stretch, link->bend = bend, link->distance = at->distance;
-    cn_copy3(at->direction, link->n);
-    for (int k = 0; k < 2; k++) {
-        gives[k] = hang[pair->surface[k]].matrix;
-        link->surface[k] = pair->surface[k], link->own[k] = gives[k] && !hang[pair->surface[k]].linked;
-    }
-    for (int k = 0; k < 4; k++)
-        link->p[k] = pair->p[k], link->w[k] = at->weight[k];
-    if (bend != 0) {
-        link->slide = at->slide;
-        invert_slide(&link->slide);
-    }
-    const bool whole = gives[0] != gives[1] && (link->own[0] || link->own[1]);
-    if (!whole && (gives[0] || gives[1])) contact->nlink++;
-    cn_link own = *link;
-    if (!whole) own.bend = 0;
-    for (int k = 0; k < 4; k++)
-        for (int l = k < own.nside ? 0 : own.nside; l < (k < own.nside ? own.nside : 4); l++) {
-            const int side = k >= own.nside, first = model->surface[pair->surface[side]].first;
-            double h[9];
-            if (!own.own[side]) break;
-            link_block(&own, k, l, h);
-            cn_contact_stiffen(&hang[pair->surface[side]], pair->p[k] - first, pair->p[l] - first, h);
-        }
+    cn_link link = {.nside = cn_pair_nside(pair),
+                    .k = stretch,
+                    .bend = bend,
+                    .distance = at->distance,
+                    .slide = at->slide};
+    cn_copy3(at->direction, link.n);
+    memcpy(link.surface, pair->surface, sizeof link.surface);
+    memcpy(link.p, pair->p, sizeof link.p), memcpy(link.w, at->weight, sizeof link.w);
+    if (bend != 0) invert_slide(&link.slide);
+    cn_contact_join(model, contact, &link, hang);
+}
+
+/* What the mollifier adds: as edges a and b part from parallel, c = |a x b|^2 grows with both turnings across
+ * them, and the energy kappa b m(c) with it. The Gauss-Newton part, 2 kappa b m' |d(a x b)|^2. */
+static void add_mollifier_stiffness(const cn_contact_model *model, cn_contact *contact, const cn_pair *pair,
+                                    const double *x, double slope, const cn_hang *hang)
+{
+    cn_link link = {.nside = 2, .k = 2 * slope};
+    double e[2][3], along[3], across[3];
+    for (int i = 0; i < 2; i++)
+        cn_sub(x + 3 * (size_t)pair->p[2 * i + 1], x + 3 * (size_t)pair->p[2 * i], e[i]);
+    const double a = cn_norm(e[0]), b = cn_dot(e[0], e[1]) < 0 ? -cn_norm(e[1]) : cn_norm(e[1]);
+    const double w[4] = {-b, b, a, -a};
+    memcpy(link.surface, pair->surface, sizeof link.surface);
+    memcpy(link.p, pair->p, sizeof link.p), memcpy(link.w, w, sizeof link.w);
+    cn_copy3(e[0], along);
+    cn_normalise(along);
+    cn_any_normal(along, link.n);
+    cn_cross(along, link.n, across);
+    cn_contact_join(model, contact, &link, hang);
+    cn_copy3(across, link.n);
+    cn_contact_join(model, contact, &link, hang);
 }
 
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
@@ -255,12 +285,12 @@ double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const 
         if (!(contact->distance[i] > 0)) return INFINITY;
         if (!(contact->distance[i] < pair->gap)) continue;
         const int n = cn_pair_nside(pair);
-        double b, b1, b2, dm[2][3];
+        double b, b1, b2, dm[2][3], slope;
         nearest at;
         nearest_of(pair, x, &at);
         if (passed_over(model, pair, x, &at)) continue;
         barrier(at.distance, pair->gap, &b, &b1, &b2);
-        const double m = mollifier(pair, x, dm), kappa = pair->kappa;
+        const double m = mollifier(pair, x, dm, &slope), kappa = pair->kappa;
         energy += kappa * m * b;
         for (int k = 0; f && k < 4; k++) {
             double *force = f + 3 * (size_t)pair->p[k];
@@ -271,6 +301,7 @@ double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const 
         if (hang)
             add_pair_stiffness(model, contact, pair, &at, kappa * m * b2,
                                exact ? kappa * m * b1 / at.distance : 0, hang);
+        if (hang && slope > 0) add_mollifier_stiffness(model, contact, pair, x, kappa * b * slope, hang);
     }
     return energy;
 }
@@ -278,14 +309,14 @@ double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const 
 bool cn_pair_press(const cn_contact_model *model, const cn_pair *pair, const double *x, double w[4],
                    double n[3], double *force)
 {
-    double b, b1, b2, dm[2][3];
+    double b, b1, b2, dm[2][3], slope;
     nearest at;
     nearest_of(pair, x, &at);
     if (!(at.distance > 0) || !(at.distance < pair->gap) || passed_over(model, pair, x, &at)) return false;
     barrier(at.distance, pair->gap, &b, &b1, &b2);
     memcpy(w, at.weight, sizeof at.weight);
     cn_copy3(at.direction, n);
-    *force = -pair->kappa * mollifier(pair, x, dm) * b1;
+    *force = -pair->kappa * mollifier(pair, x, dm, &slope) * b1;
     return true;
 }
 
@@ -326,12 +357,13 @@ double cn_contact_patch_force(const cn_contact_model *model, cn_contact *contact
             }
             double *force = contact->patch_force + 6 * (size_t)root_of(contact->patch, p[begin]);
             if (round == 2) {
-                double b, b1, b2, dm[2][3], *at_far = force + 3;
+                double b, b1, b2, dm[2][3], slope, *at_far = force + 3;
                 nearest at;
                 nearest_of(pair, x, &at);
                 if (passed_over(model, pair, x, &at)) continue;
                 barrier(at.distance, pair->gap, &b, &b1, &b2);
-                cn_axpy((far ? -1 : 1) * pair->kappa * mollifier(pair, x, dm) * b1, at.direction, force);
+                cn_axpy((far ? -1 : 1) * pair->kappa * mollifier(pair, x, dm, &slope) * b1, at.direction,
+                        force);
                 cn_copy3(at.where, at_far);
                 if (!far) cn_axpy(at.distance, at.direction, at_far);
             } else if (cn_norm(force) > largest) {

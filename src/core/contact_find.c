@@ -62,7 +62,10 @@ static void refit_part(void *user, int p)
     cn_contact_part *part = &f->contact->part[p];
     const size_t first = 3 * (size_t)f->model->surface[part->surface].first;
     if (!takes_part(f->model, part, f->nfree)) return;
-    if (f->end)
+    if (f->model->surface[part->surface].wall >= 0) /* hardly moves */
+        cn_tree_refit_loose(part->tree, f->x + first, (f->end ? f->end : f->x) + first, f->margin,
+                            f->model->gap);
+    else if (f->end)
         cn_tree_refit_swept(part->tree, f->x + first, f->end + first, f->margin);
     else
         cn_tree_refit(part->tree, f->x + first);
@@ -315,7 +318,8 @@ static bool add_inner(search *s, int own, int i, int surface, const cn_tree *tre
 {
     enum { NEAR = 256 };
     int near[NEAR], p[3];
-    box b = box_of(s, s->dx, i);
+    const box node = box_of(s, s->dx, i);
+    box b = node;
     for (int k = 0; k < 3; k++)
         b.min[k] -= grow, b.max[k] += grow;
     const int found = cn_tree_query_box(tree, b.min, b.max, NEAR, near);
@@ -323,6 +327,9 @@ static bool add_inner(search *s, int own, int i, int surface, const cn_tree *tre
     for (int k = 0; k < (found <= NEAR ? found : ntri); k++) {
         const int t = first + (found <= NEAR ? near[k] : k); /* too many for the list: all are looked at */
         if (!cn_triangle_points(&s->model->surface[surface], s->nfree[surface], t, p)) continue;
+        side there = side_of(s, (cn_place){surface, t});
+        add_boxes(s, &there);
+        if (!boxes_meet(&node, &there.all, s->margin)) continue;
         cn_pair pair = {.kind = CN_PAIR_NODE_TRIANGLE,
                         .surface = {own, surface},
                         .triangle = t,

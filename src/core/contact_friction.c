@@ -69,30 +69,14 @@ void cn_contact_friction_served(cn_contact *contact)
         contact->rub[i].stops = false;
 }
 
-/* Stiffness k of the pair along n: own blocks into each side's matrix, what joins two as a link. */
 static void stiffen(const cn_contact_model *model, cn_contact *contact, const cn_link *rub, const double n[3],
                     double k, const cn_hang *hang)
 {
     cn_link link = *rub;
-    bool gives[2];
     if (!(k > 0)) return;
     link.k = k;
     cn_copy3(n, link.n);
-    for (int side = 0; side < 2; side++) {
-        const cn_hang *own = &hang[link.surface[side]];
-        const int first = model->surface[link.surface[side]].first;
-        gives[side] = own->matrix, link.own[side] = own->matrix && !own->linked;
-        const int begin = side ? link.nside : 0, end = side ? 4 : link.nside;
-        for (int i = begin; i < end && link.own[side]; i++)
-            for (int j = begin; j < end; j++) {
-                double h[9];
-                for (int r = 0; r < 9; r++)
-                    h[r] = k * link.w[i] * link.w[j] * n[r / 3] * n[r % 3];
-                cn_contact_stiffen(own, link.p[i] - first, link.p[j] - first, h);
-            }
-    }
-    if ((gives[0] && gives[1]) || (gives[0] && !link.own[0]) || (gives[1] && !link.own[1]))
-        contact->link[contact->nlink++] = link;
+    cn_contact_join(model, contact, &link, hang);
 }
 
 double cn_contact_add_friction(const cn_contact_model *model, cn_contact *contact, const double *x,

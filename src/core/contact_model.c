@@ -191,7 +191,7 @@ static cn_status pair_memory(cn_contact *contact, int capacity)
     if (distance) contact->distance = distance;
     double *limit = realloc(contact->limit, ((size_t)capacity / 64 + 1) * sizeof *limit);
     if (limit) contact->limit = limit;
-    cn_link *link = realloc(contact->link, 3 * (size_t)capacity * sizeof *link);
+    cn_link *link = realloc(contact->link, 5 * (size_t)capacity * sizeof *link);
     if (link) contact->link = link;
     cn_rub *rub = realloc(contact->rub, (size_t)capacity * sizeof *rub);
     if (rub) contact->rub = rub;

@@ -121,6 +121,10 @@ bool cn_pair_press(const cn_contact_model *model, const cn_pair *pair, const dou
 /* Adds the stiffness h between a surface's points i and j: J' h J by the blocks they hang on, J = (I, arm).
  */
 void cn_contact_stiffen(const cn_hang *hang, int i, int j, const double h[9]);
+/* Adds a link's stiffness: all of it to the matrix of the one side that gives way, where its pattern takes
+ * it; else each side's own blocks of k j j' to their matrices, and the link to the list. */
+void cn_contact_join(const cn_contact_model *model, cn_contact *contact, const cn_link *link,
+                     const cn_hang *hang);
 
 /* The free space as the walls lie at x. Where all rest it is the world's. */
 cn_status cn_contact_space_new(struct cn_contact_space **out, const cn_contact_model *model,

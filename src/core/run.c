@@ -156,7 +156,10 @@ static cn_status prepare(cn_run_data *run)
         const int met = cn_touch_body(&run->model->body[b])->npoint;
         run->body[b].points =
             calloc(3 * (size_t)(met > body->npoint ? met : body->npoint) + 1, sizeof(double));
-        if (!run->body[b].von_mises || !run->body[b].turn || !run->body[b].points) return CN_ERR_MEMORY;
+        run->body[b].measured = malloc(3 * (size_t)body->nblock * sizeof(double));
+        if (!run->body[b].von_mises || !run->body[b].turn || !run->body[b].points || !run->body[b].measured)
+            return CN_ERR_MEMORY;
+        run->body[b].measured[0] = NAN; /* nowhere */
         cn_drive_progress(&run->model->body[b], &run->state->body[b], run->body[b].path);
         run->state->body[b].progress = -INFINITY;
     }
@@ -465,7 +468,7 @@ static void clear(cn_run_data *run)
         for (int i = 0; i < CN_CHECKPOINTS; i++)
             cn_state_free(body->checkpoint[i].state);
         free(body->vertex_s), free(body->refused);
-        free(body->von_mises), free(body->turn), free(body->points);
+        free(body->von_mises), free(body->measured), free(body->turn), free(body->points);
         cn_run_skin_clear(body);
     }
     free(run->body);

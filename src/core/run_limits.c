@@ -131,8 +131,12 @@ bool cn_run_limits(cn_run_data *run, int b, cn_state *trial, const cn_step_figur
         stress |= spec->limit[i].quantity == CN_QUANTITY_STRESS;
     if (run->scene->leave_out.stress == CN_OFF) stress = true;
     const cn_model_body *m = &run->model->body[b];
-    cn_body_measure(m->body, cn_run_active(m, state), state->x, trial->body[b].rotation, stress,
-                    &body->measures, stress ? body->von_mises : NULL, run->pool);
+    const size_t all = 3 * (size_t)m->body->nblock * sizeof *state->x;
+    if (memcmp(body->measured, state->x, all) || m->body->nblock > m->body->nnode) { /* it has moved */
+        memcpy(body->measured, state->x, all);
+        cn_body_measure(m->body, cn_run_active(m, state), state->x, trial->body[b].rotation, stress,
+                        &body->measures, stress ? body->von_mises : NULL, run->pool);
+    }
     if (body->measures.inverted > run->report->solver.inverted_max)
         run->report->solver.inverted_max = body->measures.inverted;
     look_around(run, b, &trial->body[b]);

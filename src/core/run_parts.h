@@ -18,6 +18,7 @@ typedef struct {
     cn_roadmap roadmap;
     double *vertex_s;    /* arc lengths of the roadmap vertices on the path (roadmap.npoint) */
     double *von_mises;   /* (ntet) */
+    double *measured;    /* where measures are of (nblock x 3) */
     double *turn;        /* copy of the rotations for frames: looking must not change the run (nturn x 4) */
     double *points;      /* scratch of cn_run_points and cn_run_met (the larger npoint x 3) */
     cn_surface *surface; /* of a skin that is not hung yet */

@@ -268,9 +268,10 @@ void cn_run_frame(cn_run_data *run, const cn_state *state, bool wanted)
     for (int b = 0; b < run->model->nbody; b++) {
         const cn_model_body *model = &run->model->body[b];
         const cn_body_state *at = &state->body[b];
+        cn_measures unused;
         memcpy(run->body[b].turn, at->rotation, 4 * (size_t)model->body->nturn * sizeof(double));
-        cn_body_measure(model->body, cn_run_active(model, at), at->x, run->body[b].turn, true,
-                        &run->body[b].measures, run->body[b].von_mises, run->pool);
+        cn_body_measure(model->body, cn_run_active(model, at), at->x, run->body[b].turn, true, &unused,
+                        run->body[b].von_mises, run->pool);
         bodies[b] = (cn_frame_body){.name = run->spec[b].name,
                                     .body = model->body,
                                     .nactive = cn_body_points_of(model->body, at->nfree),

@@ -560,6 +560,19 @@ static double residual_of(cn_stage *s)
     return rest > floor ? rest / fmax(scale, floor) : 0;
 }
 
+/* A body that lies where it lay, and nothing moves it. */
+static bool lies_still(const cn_stage *s, const cn_body_state *to)
+{
+    const cn_part *part = s->part;
+    const cn_body *b = part->body->body;
+    const size_t all = 3 * (size_t)b->nblock * sizeof(double);
+    if (memcmp(to->x, s->from->x, all) || cn_stage_touched(s) || s->nfree < b->nnode) return false;
+    EACH_FREE(s, i)
+    for (int k = 3 * i; k < 3 * i + 3; k++)
+        if (to->v[k] != 0 || s->from->v[k] != 0 || part->external[k] != 0 || part->path[k] != 0) return false;
+    return true;
+}
+
 double cn_step_residual(const cn_model *model, const cn_state *state, const cn_state *trial,
                         const cn_path *const *path, double dt, cn_work *work)
 {
@@ -585,11 +598,7 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
         cn_stage_external(s, last_stage(s, to, state->time, dt));
         memset(part->elastic, 0, all), memset(part->path, 0, all), memset(part->touch, 0, all);
         memset(part->damped, 0, all);
-        cn_body_add_elastic(b, s->nactive, part->trial, s->rotation, part->elastic, CN_TANGENT_WARPED, 1,
-                            NULL, part->pool);
         cn_drive_add(&part->drive, s->nfree, part->trial, part->path, 1, NULL);
-        if (part->damping.value) /* of the tangent at the step's start, as in the step */
-            cn_matrix_multiply(&part->damping, s->rows, part->trial_u, part->damped, part->pool);
         s->x = part->trial;
     }
     if (g.strict) {
@@ -601,7 +610,15 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
     }
     if (g.pressed) cn_stage_add_penalty(&g, CN_AT_STATE, false);
     EACH_STAGE(&g, s)
-    most = fmax(most, residual_of(s));
+    {
+        cn_part *part = s->part;
+        if (lies_still(s, &trial->body[part->index])) continue;
+        cn_body_add_elastic(part->body->body, s->nactive, part->trial, s->rotation, part->elastic,
+                            CN_TANGENT_WARPED, 1, NULL, part->pool);
+        if (part->damping.value) /* of the tangent at the step's start, as in the step */
+            cn_matrix_multiply(&part->damping, s->rows, part->trial_u, part->damped, part->pool);
+        most = fmax(most, residual_of(s));
+    }
     return most;
 }
 

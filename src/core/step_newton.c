@@ -104,7 +104,7 @@ static double evaluate_body(const cn_stage *s, const double *x, const double *u,
     return inertia + elastic + path - load;
 }
 
-static bool touched(const cn_stage *s)
+bool cn_stage_touched(const cn_stage *s)
 {
     EACH_FREE(s, i)
     if (cn_norm2(s->part->touch + 3 * i) != 0) return true;
@@ -127,7 +127,7 @@ static double evaluate(const cn_group *g, cn_where at, int tangent)
     if (g->strict) energy = cn_touch(g, at, tangent >= 0, tangent == CN_TANGENT_EXACT);
     if (g->pressed) energy = cn_stage_add_penalty(g, at, tangent >= 0);
     EACH_STAGE(g, s)
-    if (s->part->settled && touched(s)) s->part->settled = false, again = true;
+    if (s->part->settled && cn_stage_touched(s)) s->part->settled = false, again = true;
     if (again) return evaluate(g, at, tangent);
     g->work->energy_size = fabs(energy);
     EACH_STAGE(g, s)
@@ -175,7 +175,7 @@ static void settle(const cn_group *g, bool converged)
     {
         cn_part *part = s->part;
         if (!part->settled && !part->model->single)
-            part->settled = excess_of(s, converged) <= 1 && !touched(s);
+            part->settled = excess_of(s, converged) <= 1 && !cn_stage_touched(s);
     }
 }
 

@@ -124,6 +124,8 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures);
  * the elements' size. */
 double cn_stage_floor(const cn_stage *s);
 
+bool cn_stage_touched(const cn_stage *s); /* contact pushed on it when last asked */
+
 /* Matrices of the bodies as they are, without contact. */
 void cn_stage_assemble(const cn_group *g);
 

@@ -172,7 +172,8 @@ void cn_point_force(const cn_part *part, int point, const double force[3], doubl
     cn_axpy(1, moment, f + 3 * (size_t)(carry->turn + node));
 }
 
-/* q += the links' part of A p, their bend too (`bent`); those with this part are another's (-1: none). */
+/* q += the links' part of A p, their bend too (`bent`). Of those with the part that is condensed (-1: none)
+ * only how they bend where that part lies still. */
 static void add_links(const cn_group *g, int condensed, bool bent)
 {
     const cn_work *work = g->work;
@@ -180,10 +181,12 @@ static void add_links(const cn_group *g, int condensed, bool bent)
     const int nlink = links_of(g, &links);
     for (int l = 0; l < nlink; l++) {
         cn_link link = links[l];
-        const bool takes[2] = {link.surface[0] < work->npart, link.surface[1] < work->npart};
+        bool takes[2] = {link.surface[0] < work->npart, link.surface[1] < work->npart};
         double v[4][3], f[4][3], along[2] = {0, 0}; /* of either side */
-        if (condensed >= 0 && (link.surface[0] == condensed || link.surface[1] == condensed)) continue;
+        const bool another = link.surface[0] == condensed || link.surface[1] == condensed;
         if (!bent) link.bend = 0;
+        if (another && link.bend == 0) continue;
+        if (another) link.k = 0, takes[link.surface[1] == condensed] = false;
         for (int i = 0; i < 4; i++) {
             const int side = i >= link.nside, surface = link.surface[side];
             v[i][0] = v[i][1] = v[i][2] = 0;

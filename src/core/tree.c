@@ -8,6 +8,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 #include "tree_node.h"
 
 enum { NBIN = 16 };
@@ -151,6 +152,7 @@ static int part(item *list, int n, bool by_count)
 static void build(cn_tree *tree, item *list, int first, int n, int levels)
 {
     node *const here = tree->node + tree->nnode++;
+    here->below = n;
     if (n <= LEAF) {
         here->first = first, here->count = n;
         return;
@@ -173,6 +175,25 @@ static void join(cn_tree *tree)
             grow(&at->box, tree->box[at->first + j].min, tree->box[at->first + j].max);
         if (!at->count) grow(&at->box, right->box.min, right->box.max);
     }
+}
+
+static int ascending(const void *a, const void *b)
+{
+    const int i = *(const int *)a, j = *(const int *)b;
+    return (i > j) - (i < j);
+}
+
+static cn_status note_vertices(cn_tree *tree)
+{
+    const int n = 3 * tree->ntri;
+    tree->loosened = -1;
+    if (!(tree->used = malloc(((size_t)n + 1) * sizeof *tree->used))) return CN_ERR_MEMORY;
+    memcpy(tree->used, tree->corner, (size_t)n * sizeof *tree->used);
+    qsort(tree->used, (size_t)n, sizeof *tree->used, ascending);
+    for (int i = 0; i < n; i++)
+        if (i == 0 || tree->used[i] != tree->used[tree->nvert - 1]) tree->used[tree->nvert++] = tree->used[i];
+    tree->room = malloc(((size_t)tree->nvert + 1) * sizeof *tree->room);
+    return tree->room ? CN_OK : CN_ERR_MEMORY;
 }
 
 cn_status cn_tree_new(cn_tree **out, int ntri, const int *tri, const double *vert)
@@ -214,7 +235,7 @@ cn_status cn_tree_new(cn_tree **out, int ntri, const int *tri, const double *ver
     node *const fit = realloc(tree->node, (size_t)(tree->nnode + 1) * sizeof *fit);
     if (fit) tree->node = fit; /* else the longer one stays */
     join(tree);
-    status = CN_OK;
+    status = note_vertices(tree);
 done:
     free(list);
     if (status == CN_OK)
@@ -227,12 +248,13 @@ done:
 void cn_tree_free(cn_tree *tree)
 {
     if (!tree) return;
-    free(tree->node), free(tree->order), free(tree->corner), free(tree->box), free(tree);
+    free(tree->node), free(tree->order), free(tree->corner), free(tree->box);
+    free(tree->used), free(tree->room), free(tree);
 }
 
 void cn_tree_refit(cn_tree *tree, const double *vert)
 {
-    tree->vert = vert;
+    tree->vert = vert, tree->loosened = -1;
     for (int i = 0; i < tree->ntri; i++)
         tree->box[i] = box_of(tree->corner + 3 * (size_t)i, vert);
     join(tree);
@@ -240,7 +262,7 @@ void cn_tree_refit(cn_tree *tree, const double *vert)
 
 void cn_tree_refit_swept(cn_tree *tree, const double *vert, const double *vert_end, double margin)
 {
-    tree->vert = vert;
+    tree->vert = vert, tree->loosened = -1;
     for (int i = 0; i < tree->ntri; i++) {
         const box end = box_of(tree->corner + 3 * (size_t)i, vert_end);
         box b = box_of(tree->corner + 3 * (size_t)i, vert);
@@ -253,6 +275,37 @@ void cn_tree_refit_swept(cn_tree *tree, const double *vert, const double *vert_e
         tree->box[i] = b;
     }
     join(tree);
+}
+
+/* A vertex's box over its motion. */
+static box swept(const double *vert, const double *vert_end, int v)
+{
+    box b;
+    for (int k = 0; k < 3; k++) {
+        const double from = vert[3 * (size_t)v + (size_t)k], to = vert_end[3 * (size_t)v + (size_t)k];
+        b.min[k] = from < to ? from : to, b.max[k] = from < to ? to : from;
+    }
+    return b;
+}
+
+void cn_tree_refit_loose(cn_tree *tree, const double *vert, const double *vert_end, double margin,
+                         double slack)
+{
+    bool holds = tree->loosened >= margin;
+    for (int i = 0; holds && i < tree->nvert; i++) {
+        const box b = swept(vert, vert_end, tree->used[i]), *room = &tree->room[i];
+        for (int k = 0; k < 3; k++)
+            holds = holds && b.min[k] >= room->min[k] && b.max[k] <= room->max[k];
+    }
+    tree->vert = vert;
+    if (holds) return;
+    cn_tree_refit_swept(tree, vert, vert_end, margin + 1.001 * slack);
+    for (int i = 0; i < tree->nvert; i++) {
+        tree->room[i] = swept(vert, vert_end, tree->used[i]);
+        for (int k = 0; k < 3; k++)
+            tree->room[i].min[k] -= slack, tree->room[i].max[k] += slack;
+    }
+    tree->loosened = margin;
 }
 
 void cn_tree_box(const cn_tree *tree, double min[3], double max[3])
@@ -308,7 +361,7 @@ static bool visit_pairs(const cn_tree *a, const cn_tree *b, bool self, double ma
             stack[top++] = (pair){p.a + 1, u->first};
             stack[top++] = (pair){u->first, u->first};
             stack[top++] = (pair){p.a + 1, p.a + 1};
-        } else if (v->count || (!u->count && half_area(&u->box) >= half_area(&v->box))) {
+        } else if (v->count || (!u->count && u->below >= v->below)) {
             stack[top++] = (pair){u->first, p.b}, stack[top++] = (pair){p.a + 1, p.b};
         } else {
             stack[top++] = (pair){p.a, v->first}, stack[top++] = (pair){p.a, p.b + 1};

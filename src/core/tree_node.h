@@ -12,6 +12,7 @@ typedef struct {
     box box;
     int first; /* leaf: first slot; branch: the right child (the left one is the next node) */
     int count; /* triangles of a leaf, 0 for a branch */
+    int below; /* triangles of the subtree */
 } node;
 
 enum {
@@ -28,6 +29,9 @@ struct cn_tree {
     int *corner;        /* its vertices (ntri x 3) */
     box *box;           /* its box (ntri) */
     const double *vert; /* the caller's */
+    int nvert, *used;   /* vertices of the triangles, each once (nvert) */
+    box *room;          /* where each may be while the boxes hold that were loosened ... */
+    double loosened;    /* ... for this margin; -1: they were not (nvert) */
 };
 
 /* Boxes, the first inflated by margin, have no common point. The difference is rounded monotonically, so that
