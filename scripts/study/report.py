@@ -282,7 +282,7 @@ def skin_part(study, found):
               "body bent exactly:", ""]
     lines += picture("smoothness", "smoothness against anchors a vertex")
     lines += ["One anchor a vertex and four, the same bent body:", "", "![figure 8](figure8.png)", "",
-              "[SVG](figure8.svg)", "", "Bezier skins by the paper's double sum and by one sum after the other, beside "
+              "[SVG](figure8.svg), [CSV](figure8.csv), [JSON](figure8.json)", "", "Bezier skins by the paper's double sum and by one sum after the other, beside "
               "a skin on anchors of as many vertices, one thread:", ""]
     lines += picture("figure4", "frames a second against control points and intervals")
     lines += ["A clamped cube under its weight: whole steps (solve, recomputed residual, limits) of tetrahedra and of "

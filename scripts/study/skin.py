@@ -21,12 +21,17 @@ SKIN, GRID, PAPER = "#009e73", "#0072b2", "#d55e00"
 AIM = 4.0  # [ms], 100,000 vertices on four anchors with normals, two threads
 
 
-def measure(study, name, *words):
-    """Rows of a part of `catnav study skin`, kept as a table."""
+def ask(study, *words):
+    """Rows of a part of `catnav study skin`."""
     words = ("study", "skin") + words
     text = subprocess.run([study.catnav, *words], check=True, capture_output=True, text=True).stdout
     study.commands += 1
-    rows = [{**row, "command": "catnav " + " ".join(words)} for row in csv.DictReader(io.StringIO(text))]
+    return [{**row, "command": "catnav " + " ".join(words)} for row in csv.DictReader(io.StringIO(text))]
+
+
+def measure(study, name, *words):
+    """The same, kept as a table."""
+    rows = ask(study, *words)
     study.table(name, rows)
     study.say("skin: " + name)
     return rows
@@ -86,8 +91,10 @@ def view(points):
 def figure8(study):
     figure, axes = plt.subplots(2, 2, figsize=(7.4, 5.6))
     figure.subplots_adjust(wspace=0.05, hspace=0.12)
-    for row, n in enumerate((1, 4)):
-        x, faces, links = read_shape(measure(study, "figure8_%d" % n, "shape", str(n)))
+    shapes = {n: ask(study, "shape", str(n)) for n in (1, 4)}
+    study.table("figure8", [{"anchors": n, **line} for n, lines in shapes.items() for line in lines])
+    for row, n in enumerate(shapes):
+        x, faces, links = read_shape(shapes[n])
         seen, centre = view(x), view(np.array([at for _, at in links]))
         corners = x[faces]
         face_normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -133,7 +140,7 @@ def smoothness(study):
 
 def update_time(study):
     """Least and median time of an update against vertices, 4 anchors and embedded, one thread and two."""
-    rows = measure(study, "skin_speed", "speed", "20" if study.quick else "200")
+    rows = measure(study, "skin_speed", "speed", "5" if study.quick else "200")
     figure, axes = plt.subplots(figsize=(5.4, 3.8))
     for kind, per, label in (("blend", "4", "4 anchors"), ("embed", "4", "embedded")):
         for threads, line in (("1", "--"), ("2", "-")):

@@ -119,7 +119,7 @@ class Everything(unittest.TestCase):
             for ending in (".png", ".csv", ".json"):
                 self.assertGreater(os.path.getsize(os.path.join(self.folder.name, picture + ending)), 0)
         for head in ("Error against run time", "Contact beside theory", "Contact: `strict`, `project`, `penalty`", "Stability",
-                     "Speed", "Collision detection", "What is left out"):
+                     "Speed", "Collision detection", "What is left out", "Skins and molecules"):
             self.assertIn("## " + head, page)
 
     def test_the_error_falls_with_finer_meshes_and_the_papers_method_is_there(self):
@@ -135,6 +135,30 @@ class Everything(unittest.TestCase):
             self.assertTrue(any(row["problem"] == problem and row["method"] == "paper" and
                                 row["error"] is not None for row in rows), problem)
             self.assertTrue(any(row["problem"] == problem and row["pareto"] for row in rows), problem)
+
+    def test_molecules_stand_beside_the_others_and_skins_are_measured(self):
+        for problem in ("cantilever", "sway"):
+            errors = [row["error"] for row in self.rows("accuracy")
+                      if (row["problem"], row["model"], row["integrator"]) == (problem, "molecules", "euler")]
+            self.assertTrue(errors and None not in errors and errors[-1] < 0.15, (problem, errors))
+        self.assertTrue(any(row["integrator"] == "explicit" and row["error"] is not None
+                            for row in self.rows("accuracy_sway")))
+        angles = {row["per_vertex"]: float(row["degrees"]) for row in self.rows("smoothness")
+                  if (row["bar"], row["edges_around"]) == ("3x3x13", "64")}
+        self.assertTrue({str(n) for n in range(1, 9)} <= set(angles))
+        self.assertLess(angles["4"], 0.5 * angles["1"])
+        speed = [row for row in self.rows("skin_speed") if int(row["vertices"]) > 90000]
+        self.assertTrue(speed and all(float(row["best_ms"]) > 0 for row in speed))
+        self.assertEqual({row["against"] for row in self.rows("figure4")}, {"control_points", "intervals"})
+        self.assertEqual({row["anchors"] for row in self.rows("figure8")}, {1, 4})
+        tissue = self.rows("tissue")
+        self.assertEqual([row["status"] for row in tissue], ["ran"] * len(tissue))
+
+    def test_parts_of_skins_that_are_none_are_refused(self):
+        for words in ([], ["speed", "0"], ["shape", "9"], ["shape", "1", "2"], ["beauty"]):
+            done = subprocess.run([CATNAV, "study", "skin", *words], capture_output=True, text=True, timeout=60)
+            self.assertEqual((done.returncode, done.stdout), (1, ""), words)
+            self.assertIn("usage", done.stderr)
 
     def test_a_row_is_repeated_by_its_command(self):
         row = next(row for row in self.rows("accuracy") if row["problem"] == "elastica" and row["method"] == "own")

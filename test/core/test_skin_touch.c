@@ -198,6 +198,33 @@ static void every_allocation_of_it_may_fail(void **state)
     }
 }
 
+/* A load on points goes to what they hang on: the resultant and the moment about the face are those asked. */
+static void a_load_on_the_surface_of_molecules_is_all_there(void **state)
+{
+    (void)state;
+    scene_steps s;
+    const double force[3] = {1, -2, 3}, moment[3] = {0.3, 0.2, -0.1}, middle[3] = {0.4, 0.02, 0.02};
+    double sum[3] = {0}, turn[3] = {0};
+    scene_steps_new(&s,
+                    BAR
+                    "  model: molecules\n  molecules: {radius: 0.0051}\n  load: [{box: [[0.3999, -1, -1], "
+                    "[0.4001, 1, 1]], force: [1, -2, 3], moment: [0.3, 0.2, -0.1]}]\n",
+                    0, NULL);
+    const cn_body *b = s.model->body[0].body;
+    for (int i = 0; i < b->nnode; i++) {
+        const double *f = s.model->body[0].load[0].force + 3 * i;
+        double arm[3], m[3];
+        cn_sub(b->rest + 3 * i, middle, arm);
+        cn_cross(arm, f, m);
+        cn_axpy(1, f, sum), cn_axpy(1, m, turn);
+    }
+    assert_true(cn_distance(sum, force) < 1e-12 && cn_distance(turn, moment) < 1e-12);
+    assert_true(s.model->body[0].ntip > 0); /* its end is of points, all on the face */
+    for (int i = 0; i < s.model->body[0].ntip; i++)
+        assert_true(fabs(b->point[3 * s.model->body[0].tip[i]] - 0.4) < 1e-9);
+    scene_steps_free(&s);
+}
+
 /* --- runs --- */
 static char folder[] = "/tmp/test-skin-touch-XXXXXX", ball_file[sizeof folder + 16];
 
@@ -324,6 +351,7 @@ int main(void)
         cmocka_unit_test(forces_return_by_the_transposed_derivative_of_the_map),
         cmocka_unit_test(points_of_leading_nodes_lead),
         cmocka_unit_test(every_allocation_of_it_may_fail),
+        cmocka_unit_test(a_load_on_the_surface_of_molecules_is_all_there),
         cmocka_unit_test(strict_contact_holds_the_skin_out_of_the_floor),
         cmocka_unit_test(penalty_on_the_skin_carries_the_body),
         cmocka_unit_test(what_contact_cannot_meet_is_refused),
