@@ -93,7 +93,11 @@ static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cons
                 s->scene->name);
         goto refused;
     }
-    if (request->nwaypoint < 2) { /* where they lie is cn_run's to judge */
+    const cn_body_spec *first = s->scene->body;
+    const bool runs =
+        request->nwaypoint == 0 && first->nwaypoint == 0 && first->shape.kind != CN_SHAPE_CATHETER;
+    if (runs) ask.waypoint = NULL;         /* a scene that just moves under its loads */
+    if (request->nwaypoint < 2 && !runs) { /* where they lie is cn_run's to judge */
         cn_fail(&error, CN_ERR_ARG, "", 0, "%d waypoints: at least two are needed, the entry and a target",
                 request->nwaypoint);
         goto refused;

@@ -162,6 +162,31 @@ class Scenes(unittest.TestCase):
         self.assertEqual(status, 0, said)
         self.unharmed(report, 0.1)  # it ends in a curve of its path
 
+    # molecules
+    def test_the_bear_and_the_cushion_of_molecules_touch_by_their_skins(self):
+        counts = {}
+        for model, method, more in (("molecules", "strict", {}), ("molecules", "penalty", {}), ("tet4", "strict", {}),
+                                    ("molecules", "penalty", {"solver__integrator": "explicit"})):
+            status, report, said = run("molecules.yaml", time_limit=0.1, bodies__bear__model=model,
+                                       bodies__cushion__model=model, contact__method=method, **more)
+            self.assertEqual((status, report["verdict"]["code"]), (0, "RAN"), said)
+            self.assertGreater(report["contact"]["force_max"], 0)
+            self.assertLessEqual(report["solver"]["residual_max"], 1e-3)
+            crossed = report["contact"]["intersections"] + report["contact"]["outside_nodes"]
+            (self.assertEqual if method == "strict" else self.assertGreater)(crossed, 0)
+            counts[model] = report["counts"]["deformable_nodes"]
+        self.assertGreater(min(counts.values()), 2000)
+
+    @unittest.skipUnless(os.environ.get("CATNAV_SCENES") == "all", "whole runs: CATNAV_SCENES=all")
+    def test_the_bear_comes_to_rest_on_the_cushion(self):
+        for model in "molecules", "tet4":
+            status, report, said = run("molecules.yaml", bodies__bear__model=model, bodies__cushion__model=model)
+            self.assertEqual((status, report["verdict"]["code"]), (0, "RAN"), said)
+            self.assertEqual(report["contact"]["intersections"] + report["contact"]["outside_nodes"], 0)
+            bear, cushion = report["bodies"][:2]
+            self.assertLess(bear["kinetic"] + cushion["kinetic"], 1e-3)
+            self.assertGreater(bear["com"][2], cushion["com"][2])
+
     # ways that break a limit
     def test_a_slit_too_narrow_for_the_volume_limit_is_left_for_a_wide_one_farther_off(self):
         with tempfile.TemporaryDirectory() as folder:
