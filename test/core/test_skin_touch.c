@@ -261,20 +261,13 @@ static void look(void *user, const cn_frame *frame)
         low->body = fmin(low->body, frame->body->x[3 * p + 2]);
 }
 
-static lowest run(const char *model, const char *more, cn_report *report)
+static lowest run_text(const char *text, cn_report *report)
 {
-    char text[2048], file[] = "/tmp/test-skin-touch-XXXXXX";
+    char file[] = "/tmp/test-skin-touch-XXXXXX";
     cn_scene *scene;
     cn_world *world;
     cn_error error = {0};
     lowest low = {NAN, NAN};
-    snprintf(
-        text, sizeof text,
-        "step: 0.004\ntime_limit: 0.6\ngravity: [0, 0, -9.81]\nobstacles:\n- {name: floor, shape: {plane: "
-        "{point: [0, 0, -0.05], normal: [0, 0, 1]}}}\n" BLOCK
-        "  model: %s\n  molecules: {radius: 0.012}\n  skin: {file: \"%s\"%s}\n",
-        model, ball_file, strstr(more, "contact: {") ? ", contact: on" : more);
-    if (strstr(more, "contact: {")) strcat(text, more);
     const int made = mkstemp(file);
     assert_int_equal(write(made, text, strlen(text)), strlen(text));
     close(made);
@@ -287,6 +280,40 @@ static lowest run(const char *model, const char *more, cn_report *report)
     cn_world_free(world);
     cn_scene_free(scene);
     return low;
+}
+
+#define FLOOR                                                                                                \
+    "gravity: [0, 0, -9.81]\nobstacles:\n- {name: floor, shape: {plane: {point: [0, 0, -0.05], normal: "     \
+    "[0, 0, 1]}}}\n"
+
+static lowest run(const char *model, const char *more, cn_report *report)
+{
+    char text[2048];
+    const bool contact = strstr(more, "contact: {") != NULL;
+    snprintf(text, sizeof text,
+             "step: 0.004\ntime_limit: 0.6\n" FLOOR BLOCK
+             "  model: %s\n  molecules: {radius: 0.012}\n  skin: {file: \"%s\"%s}\n%s",
+             model, ball_file, contact ? ", contact: on" : more, contact ? more : "");
+    return run_text(text, report);
+}
+
+/* A rod of three-sided sections falls on its round skin. */
+static void a_catheter_lies_on_its_round_skin(void **state)
+{
+    (void)state;
+    cn_report report;
+    const lowest low = run_text(
+        "step: 0.002\ntime_limit: 0.1\n" FLOOR "bodies:\n- name: wire\n  model: rod\n  shape: {catheter: "
+                                               "{length: 0.1, diameter: 0.004, entry: [0, 0, "
+        "-0.047], direction: [1, 0, 0], inserted: 0.1, stations: 11, sides: 3, sheath: off}}\n"
+        "  material: {young: 1.0e+7, poisson: 0.3, density: 1000, damping: 5}\n"
+        "  skin: {sides: 16, contact: on}\n",
+        &report);
+    if (report.verdict.code != CN_VERDICT_RAN) fail_msg("%s", report.verdict.message);
+    assert_int_equal(report.contact.intersections + report.contact.outside_nodes, 0);
+    assert_true(report.contact.force_max > 0);
+    assert_true(low.skin > -0.05 && low.skin < -0.0495);
+    cn_report_clear(&report);
 }
 
 /* A ball worn by a block within it touches the floor at -5 cm, the block does not; without contact on the
@@ -353,6 +380,7 @@ int main(void)
         cmocka_unit_test(every_allocation_of_it_may_fail),
         cmocka_unit_test(a_load_on_the_surface_of_molecules_is_all_there),
         cmocka_unit_test(strict_contact_holds_the_skin_out_of_the_floor),
+        cmocka_unit_test(a_catheter_lies_on_its_round_skin),
         cmocka_unit_test(penalty_on_the_skin_carries_the_body),
         cmocka_unit_test(what_contact_cannot_meet_is_refused),
     };
