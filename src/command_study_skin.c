@@ -1,4 +1,5 @@
-/* catnav study skin: figures of skins, as CSV on standard output; `catnav study DIR` makes pictures of them. */
+/* catnav study skin: figures of skins, as CSV on standard output; `catnav study DIR` makes pictures of them.
+ */
 #include "command.h"
 
 #include <math.h>
@@ -96,7 +97,8 @@ static void speed(void)
     static const int bar[3] = {12, 12, 48},
                      around[] = {62, 88, 124, 175, 247, 350, 494}; /* x 2 in vertices */
     puts("kind,vertices,triangles,anchors,per_vertex,threads,build_ms,update_ms,best_ms,ns_per_vertex");
-    for (int i = 0; i < 7; i++)
+    const int sizes = repeats < 10 ? 5 : 7; /* a quick look: up to 100,000 vertices */
+    for (int i = 0; i < sizes; i++)
         for (int n = 0; n <= CN_SKIN_ANCHORS; n++)
             for (int threads = 1; threads <= 2; threads++) {
                 double best;
@@ -132,7 +134,7 @@ static void bezier_row(const char *against, int points, int intervals)
         int frames = 0;
         const double begin = now_ms();
         double spent = 0;
-        for (; frames < 1000 && (frames < 2 || spent < 200); frames++, spent = now_ms() - begin) {
+        for (; frames < 1000 && (frames < 2 || spent < 4 * repeats); frames++, spent = now_ms() - begin) {
             wave(points, points, 0.1 * frames, control);
             if (!paper) cn_bezier_update(z, control, x, normal);
             for (int v = 0; paper && v < z->nvert; v++)
