@@ -165,7 +165,7 @@ def block(nodes, model):
                 "name": "block", "shape": {"beam": {"size": [side] * 3, "cells": [around] * 3}}, "model": model,
                 "molecules": {"radius": round(spacing * math.sqrt(3) / 4, 8)},
                 "material": {"young": 2e5, "poisson": 0.25, "density": 1000},
-                "fixed": {"box": [[-1, -1, -1], [0.3 * spacing, 1, 1]]}}]}
+                "fixed": {"box": [[-1, -1, -1], [0.6 * spacing, 1, 1]]}}]}
 
 
 def tissue(study):
