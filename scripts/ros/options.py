@@ -16,6 +16,7 @@ BETWEEN_PLANS = ['step', 'time_limit', 'planner.budget', 'planner.replans']
 OWN = [
     ('scene', 'text', '', 'the scene: a file'),
     ('scene_dir', 'text', '', 'folder in which a request may name a scene, and waypoints are saved; none: no scene'),
+    ('data_dirs', 'text', '', 'further folders, between colons, in which the files of a requested scene may lie'),
     ('frame_id', 'text', 'map', "the node's frame: what it shows, and where its tf transforms lead"),
     ('frame_rate', 'a number > 0 [1/s]', '20', 'frames shown at most; the others are dropped and counted'),
     ('triangles_max', 'a whole number >= 1', '200000', 'triangles of a marker at most; of a larger one every n-th is shown'),

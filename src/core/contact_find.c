@@ -105,10 +105,10 @@ static void join(box *b, const box *other)
 /* Of a point over its motion. */
 static box box_of(const search *s, bool moves, int p)
 {
-    const double *x = s->x + 3 * (size_t)p, *dx = s->dx + 3 * (size_t)p;
+    const double *x = s->x + 3 * (size_t)p, *dx = moves ? s->dx + 3 * (size_t)p : NULL;
     box b;
     for (int k = 0; k < 3; k++) {
-        const double end = moves ? x[k] + dx[k] : x[k];
+        const double end = dx ? x[k] + dx[k] : x[k];
         b.min[k] = x[k] < end ? x[k] : end, b.max[k] = x[k] > end ? x[k] : end;
     }
     return b;

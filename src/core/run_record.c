@@ -247,7 +247,7 @@ void cn_run_finish(cn_run_data *run)
         report->steps = run->state->step > report->steps ? run->state->step : report->steps;
     }
     const int last = run->nsample < 100 ? run->nsample : 100;
-    report->time.step_ms_last100 = cn_spread_of(last, run->step_ms + run->nsample - last);
+    report->time.step_ms_last100 = cn_spread_of(last, last > 0 ? run->step_ms + run->nsample - last : NULL);
     report->time.step_ms = cn_spread_of(run->nsample, run->step_ms);
     report->time.fem_ms = cn_spread_of(run->nsample, run->fem_ms);
     report->time.collision_ms = cn_spread_of(run->nsample, run->collision_ms);

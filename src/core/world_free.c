@@ -108,7 +108,10 @@ bool cn_world_free_fast(const cn_world *world, const double p[3])
 
 /* --- making the map --- */
 
-enum { MOST_CELLS = 40000000, MOST_BRICKS = 16000000, MOST_SIDE = 1 << 20 };
+#ifndef CN_WORLD_CELLS
+#define CN_WORLD_CELLS 40000000 /* fuzzers make do with fewer */
+#endif
+enum { MOST_CELLS = CN_WORLD_CELLS, MOST_BRICKS = 16000000, MOST_SIDE = 1 << 20 };
 
 static double bricks_of(const double min[3], const double max[3], double cell)
 {
@@ -192,6 +195,12 @@ cn_status cn_world_map(cn_world *world, double device_radius, int threads, cn_er
         cell *= 1.1;
     if (!(cell > 0 && cell < INFINITY))
         return cn_fail(error, CN_ERR_ARG, NULL, 0, "the walls have no size that a map could be made of");
+    if (world->nvessel && device_radius > 0 && cell > 2 * device_radius)
+        return cn_fail(error, CN_ERR_MESH, NULL, 0,
+                       "the walls enclose %.3g m^3 in %.3g m, too much for a map as fine as a device of %.3g "
+                       "m: are they "
+                       "in metres? (scale: 0.001 makes them of millimetres)",
+                       volume, side, 2 * device_radius);
     if (cell > wanted)
         CN_LOG(CN_LOG_WARNING, "map: cells of %.3g m instead of %.3g m, to keep their number in bounds", cell,
                wanted);

@@ -7,9 +7,8 @@
 
 namespace catnav
 {
-// Both messages are plain rows of numbers, so a view costs no copy.
+// A row of plain numbers, so a view costs no copy.
 static_assert(sizeof(geometry_msgs::Point) == 3 * sizeof(double), "points are packed");
-static_assert(sizeof(shape_msgs::MeshTriangle) == 3 * sizeof(uint32_t), "triangles are packed");
 
 template <class M> void RequestView::look(const M &m)
 {
@@ -29,19 +28,6 @@ template <class M> void RequestView::look(const M &m)
 
 template void RequestView::look(const PlanCatheter::Request &);
 template void RequestView::look(const PlanCatheterGoal &);
-
-cn_ros_mesh view(const SurfaceMesh &m)
-{
-    const auto &s = m.surface;
-    return {m.header.frame_id.c_str(),
-            m.name.c_str(),
-            m.header.stamp.toNSec(),
-            s.vertices.size(),
-            s.triangles.size(),
-            s.vertices.empty() ? nullptr : &s.vertices[0].x,
-            s.triangles.empty() ? nullptr : s.triangles[0].vertex_indices.data(),
-            nullptr};
-}
 
 geometry_msgs::Point point(const double *x)
 {

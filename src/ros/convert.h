@@ -2,13 +2,13 @@
 #pragma once
 
 #include <vector>
+#include "ros_wire.h"
 #include <catnav/MeshState.h>
 #include <catnav/MeshTopology.h>
 #include <catnav/PlanCatheter.h>
 #include <catnav/PlanCatheterFeedback.h>
 #include <catnav/PlanCatheterGoal.h>
 #include <catnav/PlanCatheterResult.h>
-#include <catnav/SurfaceMesh.h>
 #include <nav_msgs/Path.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <visualization_msgs/Marker.h>
@@ -26,7 +26,6 @@ struct RequestView {
     template <class M> void look(const M &message);
     std::vector<cn_ros_limit> limits_;
 };
-cn_ros_mesh view(const SurfaceMesh &message);
 
 geometry_msgs::Point point(const double *x);
 Verdict toMessage(const cn_verdict &verdict);

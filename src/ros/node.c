@@ -5,14 +5,15 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <time.h>
 #include <unistd.h>
 #include "node_parts.h"
 
 /* Parameters that are the node's, not the scene's; what ends with a dot stands for all that is below it. */
-static const char *const own_params[] = {
-    "scene",         "scene_dir", "frame_rate",        "frame_id",     "on_busy", "queue_size",
-    "triangles_max", "settings.", "diagnostic_period", "plan_action.", NULL};
+static const char *const own_params[] = {"scene",     "scene_dir",         "data_dirs",    "frame_rate",
+                                         "frame_id",  "on_busy",           "queue_size",   "triangles_max",
+                                         "settings.", "diagnostic_period", "plan_action.", NULL};
 
 /* --- life --- */
 
@@ -30,6 +31,11 @@ void on_tune(void *user, const cn_ros_tuning *tuning)
     node->tuning = *tuning;
     node->frame_period = 1 / rate;
     pthread_mutex_unlock(&node->lock);
+}
+
+void step_back(int nice)
+{
+    setpriority(PRIO_PROCESS, (id_t)gettid(), nice); /* of a thread, under Linux */
 }
 
 /* ~on_busy and ~queue_size: what becomes of a call while another is open. */
@@ -73,11 +79,14 @@ cn_status cn_node_new(cn_node **out, int argc, char **argv, const volatile sig_a
     node->tuning = (cn_ros_tuning){-1, -1, -1, -1, -1, {{-1, -1}, {-1, -1}, {-1, -1}, {-1, -1}, {-1, -1}}};
     const long cpus = sysconf(_SC_NPROCESSORS_ONLN);
     node->threads = cpus > 1 ? (int)cpus : 1;
+    if ((status = queue_start(node)) != CN_OK) goto fail;
+    step_back(5); /* roscpp's threads: messages by the thousand do not slow a plan */
     if ((status = cn_ros_new(&node->ros, argc, argv, "catnav", stop, error)) != CN_OK) goto fail;
     cn_log_set_sink(log_to_ros, NULL);
 
     cn_ros_text(node->ros, "scene", "", node->scene_file, sizeof node->scene_file);
     cn_ros_text(node->ros, "scene_dir", "", node->scene_dir, sizeof node->scene_dir);
+    cn_ros_text(node->ros, "data_dirs", "", node->data_dirs, sizeof node->data_dirs);
     cn_ros_text(node->ros, "frame_id", "map", node->frame, sizeof node->frame);
     const double rate = cn_ros_number(node->ros, "frame_rate", 20);
     if (!(rate > 0 && rate < INFINITY)) {
@@ -99,7 +108,7 @@ cn_status cn_node_new(cn_node **out, int argc, char **argv, const volatile sig_a
 
     bound.user = node;
     node->checking = 1; /* the scene itself, by stage_first */
-    if ((status = queue_start(node)) != CN_OK || (status = meshes_start(node)) != CN_OK) goto fail;
+    if ((status = meshes_start(node)) != CN_OK) goto fail;
     if ((status = cn_ros_start(node->ros, &bound, node->queue, error)) != CN_OK) goto fail;
     stage_first(node);
     *out = node;
@@ -123,7 +132,7 @@ void cn_node_free(cn_node *node)
     meshes_stop(node);
     cn_ros_free(node->ros);
     for (int i = 0; i < node->ncame; i++)
-        cn_ros_mesh_free(node->came[i]);
+        came_free(node->came[i]);
     cn_log_set_sink(NULL, NULL);
     stage_free(node->stage);
     stage_free(node->foreign);

@@ -33,7 +33,7 @@ void stage_drop(cn_node *node, stage *s)
 }
 
 cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmesh, const cn_replacement *mesh,
-                    const char *frame, cn_error *error)
+                    const char *frame, bool requested, cn_error *error)
 {
     cn_status status = CN_ERR_MEMORY;
     stage *s;
@@ -43,6 +43,7 @@ cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmes
     s->refs = 1;
     snprintf(s->frame, sizeof s->frame, "%s", frame);
     if ((status = cn_scene_read(&s->scene, file, node->nsetting, node->setting, error)) != CN_OK) goto fail;
+    if (requested && (status = files_inside(node, s->scene, error)) != CN_OK) goto fail;
     if ((status = cn_world_new(&s->world, s->scene, nmesh, mesh, error)) != CN_OK) goto fail;
     if (s->scene->nbody > 0 && s->scene->body[0].shape.kind == CN_SHAPE_CATHETER) {
         const double diameter = s->scene->body[0].shape.catheter.diameter;
@@ -68,35 +69,6 @@ void stage_show(cn_node *node, const stage *s, const char *frame)
         const int n = cn_map_ridge(s->world->map, &x, &clearance);
         cn_ros_send_medial_axis(node->ros, frame, n, x, clearance);
     }
-}
-
-/* What a message may get wrong before it is a mesh at all. */
-static cn_status surface_of(cn_surface **out, const cn_ros_mesh *mesh, cn_error *error)
-{
-    const char *name = mesh->name[0] ? mesh->name : "artery mesh";
-    cn_status status;
-
-    *out = NULL;
-    if (mesh->nvert == 0 || mesh->ntri == 0)
-        return cn_fail(error, CN_ERR_MESH, "", 0, "%s: empty: %zu vertices, %zu triangles", name, mesh->nvert,
-                       mesh->ntri);
-    if (mesh->nvert > INT_MAX / 3 || mesh->ntri > INT_MAX / 3)
-        return cn_fail(error, CN_ERR_MESH, "", 0, "%s: more than %d vertices or triangles", name,
-                       INT_MAX / 3);
-    for (size_t i = 0; i < 3 * mesh->nvert; i++)
-        if (!isfinite(mesh->vert[i]))
-            return cn_fail(error, CN_ERR_NOT_FINITE, "", 0, "%s: vertex %zu has the coordinate %g", name,
-                           i / 3, mesh->vert[i]);
-    for (size_t i = 0; i < 3 * mesh->ntri; i++)
-        if (mesh->tri[i] >= mesh->nvert)
-            return cn_fail(error, CN_ERR_MESH, "", 0, "%s: triangle %zu names vertex %u of %zu", name, i / 3,
-                           (unsigned)mesh->tri[i], mesh->nvert);
-    if ((status = cn_surface_new(out, (int)mesh->nvert, (int)mesh->ntri)) != CN_OK)
-        return cn_fail(error, status, "", 0, "%s: out of memory", name);
-    memcpy((*out)->vert, mesh->vert, 3 * mesh->nvert * sizeof(double));
-    for (size_t i = 0; i < 3 * mesh->ntri; i++)
-        (*out)->tri[i] = (int)mesh->tri[i];
-    return CN_OK;
 }
 
 void meshes_free(int n, cn_replacement *mesh)
@@ -155,14 +127,14 @@ static void put_in_force(cn_node *node, stage *fresh, const char *what, const cn
 }
 
 /* A mesh in a frame that tf cannot bring into the node's: refused, but kept for calls in that very frame. */
-static void keep_foreign(cn_node *node, const cn_ros_mesh *mesh, const char *name, const cn_surface *surface,
+static void keep_foreign(cn_node *node, const came_mesh *mesh, const char *name, const cn_surface *surface,
                          cn_error *error)
 {
     const cn_replacement one = {name, surface};
     cn_error inner = {0};
     stage *fresh, *old;
 
-    if (stage_new(&fresh, node, node->scene_file, 1, &one, mesh->frame, &inner) != CN_OK) return;
+    if (stage_new(&fresh, node, node->scene_file, 1, &one, mesh->frame, false, &inner) != CN_OK) return;
     if (fresh->scene->nvessel > 1) { /* the other vessels are in the node's frame */
         stage_free(fresh);
         return;
@@ -189,7 +161,7 @@ static void forget_foreign(cn_node *node)
 }
 
 /* Checks a mesh at the door and, if it is good, puts it in force in one stroke; else all stays as it was. */
-static void check_mesh(cn_node *node, const cn_ros_mesh *mesh)
+static void check_mesh(cn_node *node, const came_mesh *mesh)
 {
     cn_error error = {0};
     cn_surface *surface = NULL;
@@ -199,7 +171,11 @@ static void check_mesh(cn_node *node, const cn_ros_mesh *mesh)
     char *name = NULL;
     int n = 0;
 
-    if (surface_of(&surface, mesh, &error) != CN_OK) goto done;
+    if (mesh->error.status != CN_OK) {
+        error = mesh->error;
+        goto done;
+    }
+    if (mesh_unpack(mesh, &surface, &error) != CN_OK) goto done;
     if (frames_join(node, mesh->frame, node->frame, mesh->stamp, &motion, &error) != CN_OK) {
         keep_foreign(node, mesh, mesh->name, surface, &error);
         goto done;
@@ -209,8 +185,8 @@ static void check_mesh(cn_node *node, const cn_ros_mesh *mesh)
         cn_fail(&error, CN_ERR_MEMORY, "", 0, "out of memory");
         goto done;
     }
-    if (stage_new(&fresh, node, node->scene_file, n, meshes, mesh->frame[0] ? node->frame : "", &error) !=
-        CN_OK)
+    if (stage_new(&fresh, node, node->scene_file, n, meshes, mesh->frame[0] ? node->frame : "", false,
+                  &error) != CN_OK)
         goto done;
 
     meshes_keep(node, meshes, n, fresh->scene->nvessel == 1);
@@ -225,13 +201,28 @@ done:
     cn_surface_free(surface);
 }
 
+void came_free(came_mesh *mesh)
+{
+    if (mesh) cn_ros_message_free(mesh->message);
+    free(mesh);
+}
+
 /* Takes a mesh; one of the same name that still waits makes room for it, or the oldest does: counted. */
-void on_mesh(void *user, cn_ros_mesh *mesh)
+void on_mesh(void *user, cn_ros_message *message)
 {
     cn_node *node = user;
-    cn_ros_mesh *dropped = NULL;
+    came_mesh *const mesh = calloc(1, sizeof *mesh), *dropped = NULL;
+    size_t size;
     int at = 0;
 
+    if (!mesh) {
+        CN_LOG(CN_LOG_ERROR, "an artery mesh is lost: out of memory");
+        cn_ros_message_free(message);
+        return;
+    }
+    mesh->message = message;
+    const uint8_t *const bytes = cn_ros_message_bytes(message, &size);
+    mesh_look(mesh, size, bytes, &mesh->error);
     pthread_mutex_lock(&node->lock);
     while (at < node->ncame && strcmp(node->came[at]->name, mesh->name))
         at++;
@@ -244,22 +235,23 @@ void on_mesh(void *user, cn_ros_mesh *mesh)
     node->came[node->ncame++] = mesh, node->checking++;
     pthread_cond_signal(&node->mesh_came);
     pthread_mutex_unlock(&node->lock);
-    cn_ros_mesh_free(dropped);
+    came_free(dropped);
 }
 
 static void *check_meshes(void *user)
 {
     cn_node *node = user;
+    step_back(10);
     pthread_mutex_lock(&node->lock);
     for (;;) {
         while (node->ncame == 0 && !node->leaving)
             pthread_cond_wait(&node->mesh_came, &node->lock);
         if (node->leaving) break;
-        cn_ros_mesh *mesh = node->came[0];
+        came_mesh *mesh = node->came[0];
         memmove(node->came, node->came + 1, (size_t)--node->ncame * sizeof *node->came);
         pthread_mutex_unlock(&node->lock);
         check_mesh(node, mesh);
-        cn_ros_mesh_free(mesh);
+        came_free(mesh);
         pthread_mutex_lock(&node->lock);
     }
     pthread_mutex_unlock(&node->lock);
@@ -290,7 +282,7 @@ void stage_first(cn_node *node)
     stage *first = NULL;
 
     if (cn_scene_read(&scene, node->scene_file, node->nsetting, node->setting, &error) == CN_OK &&
-        scene->nvessel == 0 && stage_new(&first, node, node->scene_file, 0, NULL, "", &error) == CN_OK)
+        scene->nvessel == 0 && stage_new(&first, node, node->scene_file, 0, NULL, "", false, &error) == CN_OK)
         stage_show(node, first, node->frame);
     cn_scene_free(scene);
     put_in_force(node, first, "scene", &error);

@@ -41,6 +41,16 @@ typedef struct {
     const cn_ros_request *request;
 } ticket;
 
+/* A mesh as it came: what its message says, which it lies in. */
+typedef struct {
+    cn_ros_message *message;
+    cn_error error; /* the message is no mesh */
+    char frame[128], name[128];
+    uint64_t stamp; /* of the header [ns]; 0: none */
+    size_t nvert, ntri;
+    const uint8_t *vert, *tri; /* float64 [m] (nvert x 3), uint32 (ntri x 3): any value, anywhere in memory */
+} came_mesh;
+
 #define OWN_CALL ULONG_MAX /* the node's own call: ROS does not know it */
 enum { QUEUE_MOST = 64, MARGINS_MOST = 32, MESHES_MOST = 8 };
 
@@ -50,8 +60,9 @@ struct cn_node {
     volatile sig_atomic_t cancel; /* the plan under way must end */
     int threads;
     char scene_file[PATH_MAX], scene_dir[PATH_MAX], frame[64];
-    double own_rate; /* ~frame_rate [1/s] */
-    int triangles;   /* most of a marker */
+    char data_dirs[PATH_MAX]; /* further folders that requested scenes may read from, between colons */
+    double own_rate;          /* ~frame_rate [1/s] */
+    int triangles;            /* most of a marker */
     int nsetting;
     cn_setting *setting;
 
@@ -93,7 +104,7 @@ struct cn_node {
     bool is_checking;  /* the thread is there */
     pthread_cond_t mesh_came;
     int ncame;
-    cn_ros_mesh *came[MESHES_MOST]; /* waiting to be checked: one of a name, the newest */
+    came_mesh *came[MESHES_MOST]; /* waiting to be checked: one of a name, the newest */
 
     /* of the checker alone */
     int nmesh;
@@ -107,10 +118,15 @@ struct cn_node {
     double last_frame; /* [s] */
 };
 
+/* The calling thread, and those that it starts from now on, leave the processor to plans: 0 to 19, for good.
+ */
+void step_back(int nice);
+
 /* --- node_mesh.c: stages and the meshes they are made of --- */
-/* Reads a scene with the node's settings, checks its walls with the meshes in their place, makes the map. */
+/* Reads a scene (`requested`: one that stays in its folders) with the node's settings, checks its walls with
+ * the meshes in their place, makes the map. */
 cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmesh, const cn_replacement *mesh,
-                    const char *frame, cn_error *error);
+                    const char *frame, bool requested, cn_error *error);
 void stage_free(stage *s);
 stage *stage_take(cn_node *node);         /* the one in force, kept until dropped; NULL: none */
 void stage_drop(cn_node *node, stage *s); /* NULL is fine */
@@ -120,8 +136,15 @@ void stage_show(cn_node *node, const stage *s, const char *frame);
 void stage_first(cn_node *node);
 cn_status meshes_start(cn_node *node);
 void meshes_stop(cn_node *node);
-void on_mesh(void *node, cn_ros_mesh *mesh);
+void on_mesh(void *node, cn_ros_message *message);
 void meshes_free(int n, cn_replacement *mesh);
+
+void came_free(came_mesh *mesh); /* NULL is fine */
+
+/* --- node_wire.c --- */
+cn_status mesh_look(came_mesh *mesh, size_t size, const uint8_t *bytes, cn_error *error);
+/* Makes a surface whose numbers are finite and whose triangles name vertices. */
+cn_status mesh_unpack(const came_mesh *mesh, cn_surface **out, cn_error *error);
 
 /* --- node_frames.c --- */
 bool frames_same(const char *a, const char *b);
@@ -142,6 +165,9 @@ void marks_show(cn_node *node); /* if they, or the lumen, have changed since */
 /* --- node_request.c: what a request may ask --- */
 /* The scene a request names: inside ~scene_dir, whatever links and dots say. */
 cn_status scene_inside(const cn_node *node, const char *scene, char path[PATH_MAX], cn_error *error);
+/* CN_ERR_ARG: a file that a requested scene names lies outside ~scene_dir and ~data_dirs, whatever links say.
+ */
+cn_status files_inside(const cn_node *node, const cn_scene *scene, cn_error *error);
 /* The folder a scene that is not there yet would lie in: it exists, inside ~scene_dir. */
 cn_status folder_inside(const cn_node *node, const char *scene, char folder[PATH_MAX], cn_error *error);
 cn_status sampling_of(const char *text, cn_sampling *sampling, cn_error *error);

@@ -163,7 +163,7 @@ static stage *stage_for(cn_node *node, const cn_ros_request *request, cn_ros_ans
     frames_join(node, "", "", 0, into, NULL);
     if (request->scene[0]) {
         if (scene_inside(node, request->scene, file, &error) == CN_OK)
-            stage_new(&s, node, file, 0, NULL, "", &error);
+            stage_new(&s, node, file, 0, NULL, "", true, &error);
     } else if (!(s = await_stage(node)) && !(s = foreign_stage(node, answer->frame))) {
         pthread_mutex_lock(&node->lock);
         if (node->refusal[0]) {

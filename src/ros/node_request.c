@@ -4,13 +4,14 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include "node_parts.h"
 
-/* True when a resolved path lies below ~scene_dir or (`itself`) is it. */
-static bool is_inside(const cn_node *node, const char *path, bool itself)
+/* True when a resolved path lies below a folder or (`itself`) is it. */
+static bool is_below(const char *given, const char *path, bool itself)
 {
     char folder[PATH_MAX];
-    if (!realpath(node->scene_dir, folder)) return false;
+    if (!realpath(given, folder)) return false;
     const size_t length = strcmp(folder, "/") ? strlen(folder) : 0;
     return !strncmp(path, folder, length) && (path[length] == '/' || (itself && !path[length]));
 }
@@ -27,15 +28,18 @@ static cn_status join(const cn_node *node, const char *scene, char joined[PATH_M
 
 cn_status scene_inside(const cn_node *node, const char *scene, char path[PATH_MAX], cn_error *error)
 {
+    struct stat info;
     char joined[PATH_MAX];
     const cn_status status = join(node, scene, joined, error);
     if (status != CN_OK) return status;
     if (!realpath(joined, path))
         return cn_fail(error, CN_ERR_FILE, scene, 0, "scene '%.200s' is not in %.200s", scene,
                        node->scene_dir);
-    if (!is_inside(node, path, false))
+    if (!is_below(node->scene_dir, path, false))
         return cn_fail(error, CN_ERR_ARG, scene, 0, "scene '%.200s' lies outside %.200s", scene,
                        node->scene_dir);
+    if (stat(path, &info) || !S_ISREG(info.st_mode)) /* a pipe would be waited for */
+        return cn_fail(error, CN_ERR_FILE, scene, 0, "scene '%.200s' is not a file", scene);
     return CN_OK;
 }
 
@@ -48,10 +52,69 @@ cn_status folder_inside(const cn_node *node, const char *scene, char folder[PATH
     if (!realpath(joined, folder))
         return cn_fail(error, CN_ERR_FILE, scene, 0, "scene '%.200s': its folder is not in %.200s", scene,
                        node->scene_dir);
-    if (!is_inside(node, folder, true))
+    if (!is_below(node->scene_dir, folder, true))
         return cn_fail(error, CN_ERR_ARG, scene, 0, "scene '%.200s' lies outside %.200s", scene,
                        node->scene_dir);
     return CN_OK;
+}
+
+/* True when what is there lies in ~scene_dir or one of ~data_dirs. */
+static bool may_read(const cn_node *node, const char *path)
+{
+    char folders[sizeof node->data_dirs], *rest = folders, *folder;
+    if (is_below(node->scene_dir, path, false)) return true;
+    memcpy(folders, node->data_dirs, sizeof folders);
+    while ((folder = strsep(&rest, ":")))
+        if (folder[0] && is_below(folder, path, false)) return true;
+    return false;
+}
+
+static cn_status file_inside(const cn_node *node, const char *scene, const char *file, cn_error *error)
+{
+    char path[PATH_MAX], other[PATH_MAX];
+    if (!file) return CN_OK;
+    if (!realpath(file, path))
+        return cn_fail(error, CN_ERR_FILE, scene, 0, "the scene names '%.300s', which is not there", file);
+    /* TetGen's files are two: the other lies beside the one that is named */
+    const char *const dot = strrchr(file, '.');
+    const bool node_file = dot && !strcmp(dot, ".node"), pair = node_file || (dot && !strcmp(dot, ".ele"));
+    if (pair && snprintf(other, sizeof other, "%.*s%s", (int)(dot - file), file,
+                         node_file ? ".ele" : ".node") < (int)sizeof other) {
+        char beside[PATH_MAX];
+        if (realpath(other, beside) && !may_read(node, beside)) path[0] = 0;
+    }
+    if (may_read(node, path)) return CN_OK;
+    return cn_fail(
+        error, CN_ERR_ARG, scene, 0,
+        "the scene names '%.200s', outside the folders a requested scene may read from (~scene_dir and "
+        "~data_dirs)",
+        file);
+}
+
+static cn_status surfaces_inside(const cn_node *node, const char *scene, int n, const cn_surface_spec *spec,
+                                 cn_error *error)
+{
+    cn_status status = CN_OK;
+    for (int i = 0; i < n && status == CN_OK; i++)
+        status = file_inside(node, scene, spec[i].shape.file, error);
+    return status;
+}
+
+cn_status files_inside(const cn_node *node, const cn_scene *scene, cn_error *error)
+{
+    cn_status status = surfaces_inside(node, scene->path, scene->nvessel, scene->vessel, error);
+    if (status == CN_OK)
+        status = surfaces_inside(node, scene->path, scene->nobstacle, scene->obstacle, error);
+    for (int i = 0; i < scene->nshown && status == CN_OK; i++)
+        status = file_inside(node, scene->path, scene->shown[i].file, error);
+    for (int i = 0; i < scene->nbody && status == CN_OK; i++) {
+        const cn_body_spec *body = &scene->body[i];
+        const char *const files[] = {body->shape.file, body->molecule_file, body->start_file,
+                                     body->skin_file};
+        for (int k = 0; k < 4 && status == CN_OK; k++)
+            status = file_inside(node, scene->path, files[k], error);
+    }
+    return status;
 }
 
 cn_status sampling_of(const char *text, cn_sampling *sampling, cn_error *error)

@@ -38,12 +38,10 @@ cn_status cn_ros_start(cn_ros *ros, const cn_ros_handlers *handlers, int waiting
         ros->marks.reset(newMarks(ros));
         ros->plan.reset(newPlanDoor(ros, waiting));
         ros->tuning.reset(newTuning(ros));
-        const auto on_mesh = [ros](const catnav::SurfaceMesh::ConstPtr &message) {
-            auto *mesh = new cn_ros_mesh(catnav::view(*message));
-            mesh->held = new catnav::SurfaceMesh::ConstPtr(message);
-            ros->handlers.mesh(ros->handlers.user, mesh);
+        const auto on_mesh = [ros](const catnav::WireMesh::ConstPtr &message) {
+            ros->handlers.mesh(ros->handlers.user, new cn_ros_message{message});
         };
-        ros->mesh = h.subscribe<catnav::SurfaceMesh>("artery_mesh", 8, on_mesh);
+        ros->mesh = h.subscribe<catnav::WireMesh>("artery_mesh", 8, on_mesh);
         ros->spinner = std::make_unique<ros::AsyncSpinner>(4); // none of the callbacks takes long
         ros->spinner->start();
         return CN_OK;
@@ -74,11 +72,14 @@ void cn_ros_free(cn_ros *ros)
     delete ros;
 }
 
-void cn_ros_mesh_free(cn_ros_mesh *mesh)
+const uint8_t *cn_ros_message_bytes(const cn_ros_message *message, size_t *size)
 {
-    if (!mesh) return;
-    delete static_cast<catnav::SurfaceMesh::ConstPtr *>(mesh->held);
-    delete mesh;
+    *size = message->mesh->bytes.size();
+    return message->mesh->bytes.data();
+}
+void cn_ros_message_free(cn_ros_message *message)
+{
+    delete message;
 }
 
 void cn_ros_log(cn_log_level level, const char *file, int line, const char *text)

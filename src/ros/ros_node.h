@@ -22,15 +22,9 @@ typedef struct cn_ros cn_ros;
 typedef struct cn_ros_status cn_ros_status; /* a diagnostic message that is being filled */
 
 /* --- what comes in --- */
-typedef struct {
-    const char *frame, *name;
-    uint64_t stamp; /* of the header [ns]; 0: none */
-    size_t nvert, ntri;
-    const double *vert;  /* as sent [m]: any value (nvert x 3) */
-    const uint32_t *tri; /* as sent: any value     (ntri x 3)  */
-    void *held;          /* the message all this lies in */
-} cn_ros_mesh;
-void cn_ros_mesh_free(cn_ros_mesh *mesh); /* NULL is fine */
+typedef struct cn_ros_message cn_ros_message; /* bytes as they came over the wire */
+const uint8_t *cn_ros_message_bytes(const cn_ros_message *message, size_t *size);
+void cn_ros_message_free(cn_ros_message *message); /* NULL is fine */
 
 typedef struct {
     const char *body, *quantity, *reduce;
@@ -90,7 +84,7 @@ typedef struct {
 
 typedef struct {
     void *user;
-    void (*mesh)(void *user, cn_ros_mesh *mesh); /* one at a time; theirs to free */
+    void (*mesh)(void *user, cn_ros_message *message); /* one at a time; theirs to free */
     /* Several at once; returns soon. The request stays valid until cn_ros_end_call, which must follow once,
      * as must cn_ros_send_answer. */
     void (*plan)(void *user, cn_ros_call call, const cn_ros_request *request);

@@ -78,6 +78,10 @@ struct Frames {
 };
 } // namespace catnav
 
+struct cn_ros_message {
+    catnav::WireMesh::ConstPtr mesh;
+};
+
 struct cn_ros {
     ros::NodeHandle handle{"~"}, global;
     cn_ros_handlers handlers{};

@@ -1,10 +1,11 @@
-/* fuzz.h - what the fuzzers of the file readers share. A reader takes any bytes: it answers with a status and a
- * sentence, in memory of at most 10 times the file and 16 MiB, and what it accepts is sound. */
+/* fuzz.h - what the fuzzers of the file readers share. A reader takes any bytes: it answers with a status and
+ * a sentence, in memory of at most 10 times the file and 16 MiB, and what it accepts is sound. */
 #ifndef CN_FUZZ_H
 #define CN_FUZZ_H
 
 #include <math.h>
 #include <sanitizer/allocator_interface.h>
+#include <stdatomic.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,21 +16,22 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static size_t held, most; /* bytes allocated, at most: -1 while not counted */
+static atomic_size_t held, most; /* bytes allocated, at most: -1 while not counted */
 
-static void on_malloc(const volatile void *p, size_t size)
+static inline void on_malloc(const volatile void *p, size_t size)
 {
     (void)p;
-    held += size;
-    if (held > most) {
-        fprintf(stderr, "%zu bytes held, %zu allowed\n", held, most);
+    const size_t now = atomic_fetch_add(&held, size) + size;
+    if (now > most) {
+        fprintf(stderr, "%zu bytes held, %zu allowed\n", now, (size_t)most);
         abort();
     }
 }
-static void on_free(const volatile void *p)
+static inline void on_free(const volatile void *p)
 {
     const size_t size = p ? __sanitizer_get_allocated_size(p) : 0;
-    held -= size < held ? size : held;
+    const size_t now = held;
+    held -= size < now ? size : now;
 }
 
 static void require(int sound, const char *what)
@@ -40,7 +42,7 @@ static void require(int sound, const char *what)
 }
 
 /* Writes the bytes to a file of this process with that extension; its name is good until the next call. */
-static const char *file_of(const char *extension, const uint8_t *data, size_t size)
+static inline const char *file_of(const char *extension, const uint8_t *data, size_t size)
 {
     static char name[2][64];
     static int turn;
@@ -52,24 +54,25 @@ static const char *file_of(const char *extension, const uint8_t *data, size_t si
 }
 
 /* Counts memory from here until _end. */
-static void count_begin(size_t size)
+static inline void count_begin(size_t size)
 {
     static int installed;
     if (!installed) __sanitizer_install_malloc_and_free_hooks(on_malloc, on_free);
     installed = 1, held = 0, most = 10 * size + (16u << 20);
 }
-static void count_end(void)
+static inline void count_end(void)
 {
     most = (size_t)-1;
 }
 
-static void check_answer(cn_status status, const cn_error *error)
+static inline void check_answer(cn_status status, const cn_error *error)
 {
     require(status >= CN_OK && status < CN_STATUS_COUNT, "a status that does not exist");
-    require(status == CN_OK || (error->status == status && error->message[0]), "a refusal without a sentence");
+    require(status == CN_OK || (error->status == status && error->message[0]),
+            "a refusal without a sentence");
 }
 
-static void check_points(int n, const double *x)
+static inline void check_points(int n, const double *x)
 {
     for (int i = 0; i < 3 * n; i++)
         require(isfinite(x[i]), "a coordinate that is not finite was accepted");

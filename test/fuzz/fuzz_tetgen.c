@@ -1,5 +1,4 @@
 /* Any bytes as a pair of TetGen's .node and .ele; the second begins after a line `#ele`. */
-#define _GNU_SOURCE
 #include "fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
