@@ -1,0 +1,240 @@
+/* Bad inputs by kind, test/data/bad: each is refused with its own status, line and sentence.
+ *
+ * KIND.txt holds cases one after the other: `@ what is wrong`, the file's lines, `=> STATUS LINE sentence`.
+ * In the lines \xNN is a byte, \zN; are N zero bytes, and \e ends the file there. settings.txt holds settings
+ * of a good scene, each followed by what it is answered. LINE 0: the file is binary, or there is none. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <cmocka.h>
+
+#include <stdbool.h>
+#include <unistd.h>
+#include "catnav/mesh.h"
+#include "catnav/scene.h"
+
+static char folder[64];
+static int ncase, nwrong;
+
+static int make_folder(void **state)
+{
+    (void)state;
+    snprintf(folder, sizeof folder, "/tmp/catnav_bad_XXXXXX");
+    return !mkdtemp(folder);
+}
+static int remove_folder(void **state)
+{
+    (void)state;
+    char command[128];
+    snprintf(command, sizeof command, "rm -rf %s", folder);
+    return system(command);
+}
+
+static const char *file_of(const char *extension)
+{
+    static char path[2][128];
+    static int turn;
+    snprintf(path[turn ^= 1], sizeof *path, "%s/bad.%s", folder, extension);
+    return path[turn];
+}
+
+static void write_bytes(const char *path, const char *bytes, size_t size)
+{
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(bytes, 1, size, file), size);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* Appends a line of a case to its file's bytes; *size: so far. False where the file ends with it. */
+static bool unescape(const char *line, char *bytes, size_t *size)
+{
+    for (; *line && *line != '\n'; line++) {
+        if (*line != '\\') {
+            bytes[(*size)++] = *line;
+        } else if (line[1] == 'x') {
+            const char hex[] = {line[2], line[3], 0};
+            bytes[(*size)++] = (char)strtol(hex, NULL, 16);
+            line += 3;
+        } else if (line[1] == 'z') {
+            char *end;
+            const long n = strtol(line + 2, &end, 10);
+            memset(bytes + *size, 0, (size_t)n);
+            *size += (size_t)n, line = end;
+        } else {
+            return false;
+        }
+    }
+    bytes[(*size)++] = '\n';
+    return true;
+}
+
+static cn_status refuse(const char *kind, const char *bytes, size_t size, cn_error *error)
+{
+    cn_surface *surface = NULL;
+    cn_tets *tets = NULL;
+    cn_scene *scene = NULL;
+    cn_status status;
+    if (!strcmp(kind, "scene")) {
+        write_bytes(file_of("yaml"), bytes, size);
+        status = cn_scene_read(&scene, file_of("yaml"), 0, NULL, error);
+    } else if (!strcmp(kind, "tetgen")) {
+        const char *const ele = strstr(bytes, "#ele\n") + 5;
+        write_bytes(file_of("node"), bytes, (size_t)(ele - bytes) - 5);
+        write_bytes(file_of("ele"), ele, size - (size_t)(ele - bytes));
+        status = cn_tets_read(&tets, file_of("node"), error);
+    } else {
+        write_bytes(file_of(kind), bytes, size);
+        status = cn_surface_read(&surface, file_of(kind), error);
+    }
+    assert_null(surface), assert_null(tets), assert_null(scene);
+    return status;
+}
+
+/* Compares an answer with `STATUS LINE sentence`; the file's own folder is not part of the sentence. */
+static void judge(const char *kind, const char *what, cn_status status, const cn_error *error,
+                  const char *expected)
+{
+    char said[1024], plain[sizeof error->message];
+    size_t n = 0;
+    for (const char *at = error->message; *at; at++) {
+        if (!strncmp(at, folder, strlen(folder))) at += strlen(folder) + 1;
+        plain[n++] = *at;
+    }
+    plain[n] = 0;
+    snprintf(said, sizeof said, "%d %d %s", (int)status, error->line, plain);
+    ncase++;
+    const bool good = status != CN_OK && error->status == status && !strcmp(said, expected);
+    if (good) return;
+    nwrong++;
+    print_error("%s: %s\n=> %s\n", kind, what, said);
+}
+
+static FILE *open_table(const char *kind)
+{
+    char path[512];
+    snprintf(path, sizeof path, CATNAV_TEST_DATA "/bad/%s.txt", kind);
+    FILE *table = fopen(path, "r");
+    assert_non_null(table);
+    return table;
+}
+
+static void run_table(const char *kind)
+{
+    char line[1024], what[1024] = "", bytes[8192];
+    size_t size = 0;
+    bool open = true;
+    FILE *table = open_table(kind);
+    nwrong = 0;
+    while (fgets(line, sizeof line, table)) {
+        line[strcspn(line, "\n")] = 0;
+        if (!strncmp(line, "@ ", 2)) {
+            snprintf(what, sizeof what, "%s", line + 2);
+            size = 0, open = true;
+        } else if (!strncmp(line, "=> ", 3)) {
+            cn_error error = {0};
+            bytes[size] = 0;
+            const cn_status status = refuse(kind, bytes, size, &error);
+            assert_true(strstr(error.file, "/bad.") || status == CN_OK); /* the file is named */
+            judge(kind, what, status, &error, line + 3);
+        } else if (open) {
+            open = unescape(line, bytes, &size);
+        }
+    }
+    fclose(table);
+    assert_int_equal(nwrong, 0);
+}
+
+static void test_a_bad_obj_file_is_refused_with_its_sentence(void **state)
+{
+    (void)state;
+    run_table("obj");
+}
+static void test_a_bad_stl_file_is_refused_with_its_sentence(void **state)
+{
+    (void)state;
+    run_table("stl");
+}
+static void test_a_bad_ply_file_is_refused_with_its_sentence(void **state)
+{
+    (void)state;
+    run_table("ply");
+}
+static void test_a_bad_msh_file_is_refused_with_its_sentence(void **state)
+{
+    (void)state;
+    run_table("msh");
+}
+static void test_a_bad_pair_of_tetgen_is_refused_with_its_sentence(void **state)
+{
+    (void)state;
+    run_table("tetgen");
+}
+static void test_a_bad_scene_is_refused_with_its_sentence(void **state)
+{
+    (void)state;
+    run_table("scene");
+}
+
+static void test_a_bad_value_of_a_scene_is_refused_with_its_sentence(void **state)
+{
+    (void)state;
+    static const char scene_text[] =
+        "scene: one\nvessels:\n  - name: artery\n    shape: {tube: {axis: [[0, 0, 0], [0, 0, 0.1]], radius: "
+        "0.004}}\n"
+        "bodies:\n  - name: catheter\n    shape: {catheter: {length: 0.06, diameter: 1.35e-3, entry: [0, 0, "
+        "0.01], "
+        "direction: [0, 0, 1], stations: 41, inserted: 0.01}}\n"
+        "    material: {young: 8.7e6, poisson: 0.33, density: 1100}\n    waypoints: [[0, 0, 0.06]]\n";
+    char line[1024], key[256] = "";
+    cn_scene *scene;
+    cn_error error = {0};
+    FILE *table = open_table("settings");
+    nwrong = 0;
+    write_bytes(file_of("yaml"), scene_text, sizeof scene_text - 1);
+    assert_int_equal(cn_scene_read(&scene, file_of("yaml"), 0, NULL, &error), CN_OK);
+    cn_scene_free(scene);
+    while (fgets(line, sizeof line, table)) {
+        line[strcspn(line, "\n")] = 0;
+        char *const value = strchr(key, '=');
+        if (line[0] == '#') continue;
+        if (strncmp(line, "=> ", 3)) {
+            snprintf(key, sizeof key, "%.255s", line);
+            continue;
+        }
+        value[-1] = 0;
+        const cn_setting setting = {key, value[1] ? value + 2 : ""};
+        error = (cn_error){0};
+        const cn_status status = cn_scene_read(&scene, file_of("yaml"), 1, &setting, &error);
+        value[-1] = ' ';
+        judge("settings", key, status, &error, line + 3);
+        if (status == CN_OK) cn_scene_free(scene);
+    }
+    fclose(table);
+    assert_int_equal(nwrong, 0);
+}
+
+static void test_there_are_at_least_two_hundred_of_them(void **state)
+{
+    (void)state;
+    assert_true(ncase >= 200);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_bad_obj_file_is_refused_with_its_sentence),
+        cmocka_unit_test(test_a_bad_stl_file_is_refused_with_its_sentence),
+        cmocka_unit_test(test_a_bad_ply_file_is_refused_with_its_sentence),
+        cmocka_unit_test(test_a_bad_msh_file_is_refused_with_its_sentence),
+        cmocka_unit_test(test_a_bad_pair_of_tetgen_is_refused_with_its_sentence),
+        cmocka_unit_test(test_a_bad_scene_is_refused_with_its_sentence),
+        cmocka_unit_test(test_a_bad_value_of_a_scene_is_refused_with_its_sentence),
+        cmocka_unit_test(test_there_are_at_least_two_hundred_of_them),
+    };
+    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+}
