@@ -132,7 +132,7 @@ endmacro()
 macro(catnav_fuzz_tests)
   find_program(CATNAV_CLANG NAMES clang-14 clang)
   if(CATNAV_CLANG)
-    add_test(NAME fuzz.readers COMMAND sh ${PROJECT_SOURCE_DIR}/scripts/fuzz.sh 3 ${PROJECT_BINARY_DIR}/fuzz)
+    add_test(NAME fuzz.doors COMMAND sh ${PROJECT_SOURCE_DIR}/scripts/fuzz.sh 3 ${PROJECT_BINARY_DIR}/fuzz)
   endif()
 endmacro()
 

@@ -1,9 +1,11 @@
 #!/bin/sh
-# scripts/fuzz.sh SECONDS FOLDER: every fuzzer of test/fuzz for so long each, built and kept in FOLDER. Begins with the
-# files of test/data and what earlier runs found in FOLDER/corpus; an input that breaks a reader is left in
-# FOLDER/found, and the status is 1.
+# scripts/fuzz.sh SECONDS FOLDER [KEEP]: every fuzzer of test/fuzz for so long each, built and kept in FOLDER. Begins with
+# the files of test/data, test/fuzz/corpus, and what earlier runs found in FOLDER/corpus; an input that breaks something
+# is left in FOLDER/found, and the status is 1. KEEP: a folder (test/fuzz/corpus) into which what reaches more than
+# other inputs do is packed.
 seconds=$1
 out=$2
+keep=$3
 root=$(cd "$(dirname "$0")/.." && pwd)
 clang=$(command -v clang-14 || command -v clang) || { echo "fuzz: clang is not there"; exit 0; }
 
@@ -32,14 +34,21 @@ status=0
 for fuzzer in "$root"/test/fuzz/fuzz_*.c; do
     name=$(basename "$fuzzer" .c)
     kind=${name#fuzz_}
-    [ -d "$root/test/fuzz/found/$kind" ] && cp "$root/test/fuzz/found/$kind"/* "$out/corpus/$kind/"
-    if (cd "$out" && "./$name" -max_total_time="$seconds" -max_len=65536 -timeout=20 -rss_limit_mb=2048 \
+    mkdir -p "$out/corpus/$kind"
+    [ -f "$root/test/fuzz/corpus/$kind.tar.gz" ] && tar -xzf "$root/test/fuzz/corpus/$kind.tar.gz" -C "$out/corpus/$kind"
+    if (cd "$out" && "./$name" -max_total_time="$seconds" -max_len=65536 -timeout=60 -rss_limit_mb=2048 \
             -artifact_prefix="found/$kind-" -print_final_stats=1 "corpus/$kind") > "$out/$name.log" 2>&1; then
-        echo "$name: $(sed -n 's/^stat::number_of_executed_units: *//p' "$out/$name.log") inputs, nothing found"
+        echo "$name: $(sed -n 's/^stat::number_of_executed_units: *//p' "$out/$name.log") inputs, nothing found;" \
+            "slowest $(sed -n 's/^stat::slowest_unit_time_sec: *//p' "$out/$name.log") s"
     else
         status=1
         echo "$name: FOUND, see $out/$name.log"
         grep -E "ERROR|SUMMARY|runtime error|was accepted|allowed|sentence|out of range|Test unit written" "$out/$name.log"
+    fi
+    if [ -n "$keep" ]; then
+        mkdir -p "$out/least/$kind" "$keep"
+        (cd "$out" && "./$name" -merge=1 -max_len=2048 "least/$kind" "corpus/$kind") > "$out/$name.merge.log" 2>&1
+        tar -C "$out/least/$kind" --sort=name --owner=0 --group=0 --mtime=@0 -cf - . | gzip -n9 > "$keep/$kind.tar.gz"
     fi
 done
 exit $status

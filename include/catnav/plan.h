@@ -11,6 +11,12 @@
 extern "C" {
 #endif
 
+/* True once a thread or a signal handler has set *cancel (NULL: never). */
+static inline bool cn_cancelled(const volatile sig_atomic_t *cancel)
+{
+    return cancel && __atomic_load_n(cancel, __ATOMIC_RELAXED) != 0;
+}
+
 typedef struct {
     double centre[3], radius;
 } cn_ball;

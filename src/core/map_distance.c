@@ -112,7 +112,11 @@ typedef struct {
     float most[ROWS]; /* a bound on each row's largest */
 } rows;
 
+#ifdef __SANITIZE_THREAD__
+#define CLONES /* the loader picks clones before that sanitizer is awake */
+#else
 #define CLONES __attribute__((target_clones("default", "avx2")))
+#endif
 
 /* Tightens the rows' bounds; returns the largest. */
 CLONES static float largest(rows *field)

@@ -414,7 +414,7 @@ static cn_status relax(band *b, int most, bool even)
     cn_status status;
     for (int iteration = 0; iteration < most; iteration++) {
         double farthest = 0, beyond = 0;
-        if (b->query->cancel && *b->query->cancel) return CN_ERR_CANCELLED;
+        if (cn_cancelled(b->query->cancel)) return CN_ERR_CANCELLED;
         if (even && iteration > 0 && iteration + 10 < most && iteration % 6 == 0) {
             if ((status = spread(b)) != CN_OK) return status;
             measure(b);

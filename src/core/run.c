@@ -11,7 +11,7 @@
 
 static bool cancelled(const cn_run_data *run)
 {
-    return run->hooks && run->hooks->cancel && *run->hooks->cancel;
+    return run->hooks && cn_cancelled(run->hooks->cancel);
 }
 
 static void stage(cn_run_data *run, cn_stage stage_now, double steps_per_s)

@@ -40,7 +40,7 @@ static void say(const cn_study_hooks *hooks, const char *what)
 
 static bool cancelled(const cn_study_hooks *hooks)
 {
-    return hooks && hooks->cancel && *hooks->cancel;
+    return hooks && cn_cancelled(hooks->cancel);
 }
 
 const char *cn_study_method_name(int method)

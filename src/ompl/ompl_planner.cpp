@@ -48,7 +48,7 @@ class Stop
 {
   public:
     explicit Stop(const cn_plan_query *query) : query_(query), begin_(std::chrono::steady_clock::now()) {}
-    bool cancelled() const { return query_->cancel && *query_->cancel; }
+    bool cancelled() const { return cn_cancelled(query_->cancel); }
     bool late() const
     {
         const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin_;

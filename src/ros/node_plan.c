@@ -132,7 +132,7 @@ static stage *await_stage(cn_node *node)
         const bool checking = node->checking, known = node->stage || node->refusal[0];
         pthread_mutex_unlock(&node->lock);
         const bool coming = !known && cn_ros_mesh_senders(node->ros) && wall_clock() - start < MESH_WAIT;
-        if (node->cancel || (!checking && !coming)) return stage_take(node);
+        if (cn_cancelled(&node->cancel) || (!checking && !coming)) return stage_take(node);
         nap(0.01);
     }
 }

@@ -6,6 +6,12 @@
 #include <string.h>
 #include "node_parts.h"
 
+/* A plan reads it without the lock. */
+static void set_cancel(cn_node *node, bool cancel)
+{
+    __atomic_store_n(&node->cancel, cancel, __ATOMIC_RELAXED);
+}
+
 static void answer_at_once(cn_node *node, cn_ros_call call, const char *frame, cn_verdict_code code,
                            const char *why)
 {
@@ -74,7 +80,8 @@ void on_cancel(void *user, cn_ros_call call)
         memmove(node->waiting + i, node->waiting + i + 1, (size_t)(node->nqueue - i) * sizeof(ticket));
     }
     if (node->open && node->now.call == call) {
-        node->cancel = 1; /* a plan under way ends within a step, and is answered with what it reached */
+        set_cancel(node,
+                   true); /* a plan under way ends within a step, and is answered with what it reached */
         if (node->preparing) node->open = false, node->answering = true, found = node->now;
     }
     pthread_mutex_unlock(&node->lock);
@@ -101,7 +108,8 @@ static void *work(void *user)
         if (node->nqueue == 0) break;
         const ticket now = node->waiting[0];
         memmove(node->waiting, node->waiting + 1, (size_t)--node->nqueue * sizeof(ticket));
-        node->now = now, node->open = true, node->cancel = node->leaving;
+        node->now = now, node->open = true;
+        set_cancel(node, node->leaving);
         node->progress = (cn_progress){.margin = INFINITY, .margin_of = ""};
         node->progress_at = wall_clock(), node->real_time_factor = 0, node->nmargin = 0;
         pthread_mutex_unlock(&node->lock);
@@ -155,7 +163,8 @@ cn_status queue_start(cn_node *node)
 void queue_stop(cn_node *node)
 {
     pthread_mutex_lock(&node->lock);
-    node->leaving = true, node->cancel = 1;
+    node->leaving = true;
+    set_cancel(node, true);
     pthread_cond_broadcast(&node->called);
     pthread_mutex_unlock(&node->lock);
     if (node->working) pthread_join(node->worker, NULL); /* those that wait are answered: cancelled */

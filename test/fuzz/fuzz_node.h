@@ -52,6 +52,14 @@ static inline const char *take_text(tape *t, char out[256])
     return out;
 }
 
+static char fuzz_folder[64];
+static inline void fuzz_clean(void)
+{
+    char command[96];
+    snprintf(command, sizeof command, "rm -rf %s", fuzz_folder);
+    if (system(command)) fprintf(stderr, "%s is left\n", fuzz_folder);
+}
+
 /* The node with a scene of a few steps, in a folder of this process; made once, with a tube in force. */
 static inline cn_node *fuzz_node(bool tube)
 {
@@ -63,14 +71,16 @@ static inline cn_node *fuzz_node(bool tube)
         "    waypoints: [[0, 0, 0.03]]\n";
     static const cn_setting parameter[] = {
         {"time_limit", "0.06"}, {"planner.replans", "1"}, {"planner.resolution", "1e-3"}, {NULL, NULL}};
-    static char folder[64], path[3][128];
+    static char path[3][128];
+    char *const folder = fuzz_folder;
     static const char *const names[] = {"tube.yaml", "tube.obj"};
     const char *const texts[] = {scene, "# sent\n"};
     cn_node *node;
     cn_error error = {0};
     if (!folder[0]) {
-        snprintf(folder, sizeof folder, "/dev/shm/catnav_fuzz_%d", (int)getpid());
+        snprintf(folder, sizeof fuzz_folder, "/dev/shm/catnav_fuzz_%d", (int)getpid());
         require(!mkdir(folder, 0700), "no folder can be made");
+        atexit(fuzz_clean);
         for (int i = 0; i < 2; i++) {
             snprintf(path[i], sizeof path[i], "%s/%s", folder, names[i]);
             FILE *file = fopen(path[i], "w");

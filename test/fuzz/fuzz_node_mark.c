@@ -37,7 +37,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         pthread_mutex_lock(&node->lock);
         open = node->own_open;
         pthread_mutex_unlock(&node->lock);
-        if (open) node->cancel = 1, nanosleep(&(struct timespec){.tv_nsec = 200000}, NULL);
+        if (open)
+            __atomic_store_n(&node->cancel, 1, __ATOMIC_RELAXED),
+                nanosleep(&(struct timespec){.tv_nsec = 200000}, NULL);
     }
     fake_handlers()->mark(node, CN_ROS_MARK_CLEAR, -1, "map", NULL);
     count_end();
