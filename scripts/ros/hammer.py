@@ -7,7 +7,8 @@
     hammer.py crowd [--seconds 60 --clients 64] clients that plan, cancel, save, load, set: one answer to every call
     hammer.py soak  [--seconds 7200]            random plans, cancels and bad requests: memory, handles, step time
 
-Needs the package's environment (`. build/devel/setup.bash`). Ends with 1 when a promise was broken."""
+Needs the package's environment (`. build/devel/setup.bash`); CATNAV_NODE: another build of the node. Ends with 1 when a
+promise was broken."""
 import argparse
 import atexit
 import json
@@ -60,10 +61,10 @@ class Node:
         self.start()
 
     def start(self):
-        program = roslib.packages.find_node('catnav', 'catnav_node')[0]
+        program = os.environ.get('CATNAV_NODE') or roslib.packages.find_node('catnav', 'catnav_node')[0]
         values = {'scene': os.path.join(self.folder, 'tube.yaml'), 'scene_dir': self.folder, **self.parameters}
         self.process = subprocess.Popen([program, f'__name:={self.name[1:]}', *(f'_{k}:={v}' for k, v in values.items())],
-                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+                                        stdout=subprocess.DEVNULL, stderr=sys.stderr if "CATNAV_NODE" in os.environ else subprocess.DEVNULL)
         self.client = Client(self.name)
         self.action = ActionClient(self.name)
         self.mesh_in_force = self.client.send(*TUBE)
@@ -241,6 +242,7 @@ def flood(seconds=60, **_):
 
 
 def crowd(seconds=60, clients=64, **_):
+    rospy.set_param('actionlib_client_pub_queue_size', 1000)  # its clients share a publisher that keeps but 10 goals
     node = Node(on_busy='queue', queue_size=16, **{'settings/frame_rate': 5})
     rospy.ServiceProxy(node.name + '/load_waypoints', WaypointsFile)('tube.yaml')
     counts, errors, lock = {}, [], threading.Lock()
@@ -341,7 +343,7 @@ def master():
         port = probe.getsockname()[1]
     os.environ['ROS_MASTER_URI'] = f'http://localhost:{port}'
     os.environ['ROS_HOSTNAME'] = 'localhost'
-    process = subprocess.Popen(['roscore', '-p', str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(['roscore', '-p', str(port)], stdout=subprocess.DEVNULL, stderr=sys.stderr if "CATNAV_NODE" in os.environ else subprocess.DEVNULL)
     while not rosgraph.is_master_online():
         time.sleep(0.1)
     return process

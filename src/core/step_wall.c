@@ -81,7 +81,7 @@ cn_status cn_wall_solve_new(cn_wall_solve **out, cn_work *work, double h, cn_err
     if (sheets != 1 || work->npart < 2) return CN_OK;
     cn_part *part = &work->part[sheet];
     const cn_stage stage = {.part = part, .h = h};
-    if ((status = cn_wall_factor(&stage)) != CN_OK) return CN_OK; /* the step says so */
+    if (cn_wall_factor(&stage) != CN_OK) return CN_OK; /* the step says so */
     const size_t n = (size_t)part->body->body->nnode;
     cn_wall_solve *wall = calloc(1, sizeof *wall);
     if (!wall) return CN_ERR_MEMORY;
