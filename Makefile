@@ -5,7 +5,7 @@ BIN   := $(BUILD)/devel/lib/catnav/catnav
 DEMO  := $(BUILD)/demo
 CTEST := cd $(BUILD) && ROS_HOSTNAME=localhost ctest -V -j$(JOBS)
 
-.PHONY: build packages demo test test-reference test-insertions study fuzz doc clean
+.PHONY: build packages packages-dev demo test test-reference test-insertions study fuzz asan tsan coverage lint doc clean
 
 # catkin leaves paths that do not exist yet out of the test environment: a fresh tree is configured twice
 build: packages
@@ -38,13 +38,38 @@ test-insertions: build
 study: build
 	$(BIN) study $(BUILD)/study
 
-# Every fuzzer of the file readers, SECONDS each (clang); the goal is SECONDS=600
-SECONDS := 60
-fuzz:
-	sh scripts/fuzz.sh $(SECONDS) $(BUILD)/fuzz
+# What follows is for those who change catnav, with the packages of packages-dev.txt.
+packages-dev:
+	@sh scripts/install_packages.sh packages-dev.txt
 
-# The C headers as HTML into build/doc, by Debian's doxygen
-doc:
+# Every fuzzer of file readers and message handlers, SECONDS each (clang); the goal is SECONDS=600. KEEP=test/fuzz/corpus
+# packs what it found worth keeping
+SECONDS := 60
+fuzz: packages-dev
+	sh scripts/fuzz.sh $(SECONDS) $(BUILD)/fuzz $(KEEP)
+
+# All tests in C and all rostests under the address, undefined-behaviour and leak sanitizers
+asan: build
+	sh scripts/sanitize.sh address $(BUILD)
+
+# Threaded tests and 64 clients of the node for SECONDS under the thread sanitizer
+tsan: build
+	sh scripts/sanitize.sh thread $(BUILD) $(SECONDS)
+
+# Lines and branches of the core that its tests reach, a line a file; fails below 95 % and 85 %
+coverage: packages
+	@cmake -S . -B $(BUILD)/coverage -DCATNAV_CORE_ONLY=ON -DCMAKE_C_FLAGS="--coverage -fprofile-update=atomic" > /dev/null
+	@find $(BUILD)/coverage -name '*.gcda' -delete
+	@cmake --build $(BUILD)/coverage -j$(JOBS) > $(BUILD)/coverage/build.log && cd $(BUILD)/coverage && \
+	    ctest -j$(JOBS) > test.log; /usr/bin/python3 $(CURDIR)/scripts/coverage.py $(BUILD)/coverage $(CURDIR)
+
+# clang-tidy, cppcheck and catkin_lint -W2 --strict have nothing to say
+lint: packages-dev build
+	@cmake $(BUILD) -DCMAKE_EXPORT_COMPILE_COMMANDS=ON > /dev/null
+	@sh scripts/lint.sh $(BUILD)
+
+# The C headers as HTML into build/doc
+doc: packages-dev
 	@mkdir -p $(BUILD)/doc && (cat cmake/Doxyfile; echo "OUTPUT_DIRECTORY = $(BUILD)/doc") | doxygen - && echo $(BUILD)/doc/html/index.html
 
 clean:
