@@ -5,7 +5,7 @@
     hammer.py kill  [--times 200]               SIGKILL at random moments: back soon, nothing corrupt
     hammer.py flood [--seconds 60]              meshes, goals and cancels as fast as they can be sent, beside a plan
     hammer.py crowd [--seconds 60 --clients 64] clients that plan, cancel, save, load, set: one answer to every call
-    hammer.py soak  [--seconds 7200]            random plans, cancels and bad requests: memory, handles, step time
+    hammer.py soak  [--seconds 7200 --out DIR]  random plans, cancels and bad requests: memory, handles, step time
 
 Needs the package's environment (`. build/devel/setup.bash`); CATNAV_NODE: another build of the node. Ends with 1 when a
 promise was broken."""
@@ -64,7 +64,7 @@ class Node:
         program = os.environ.get('CATNAV_NODE') or roslib.packages.find_node('catnav', 'catnav_node')[0]
         values = {'scene': os.path.join(self.folder, 'tube.yaml'), 'scene_dir': self.folder, **self.parameters}
         self.process = subprocess.Popen([program, f'__name:={self.name[1:]}', *(f'_{k}:={v}' for k, v in values.items())],
-                                        stdout=subprocess.DEVNULL, stderr=sys.stderr if "CATNAV_NODE" in os.environ else subprocess.DEVNULL)
+                                        stdout=subprocess.DEVNULL, stderr=sys.stderr if 'CATNAV_NODE' in os.environ else subprocess.DEVNULL)
         self.client = Client(self.name)
         self.action = ActionClient(self.name)
         self.mesh_in_force = self.client.send(*TUBE)
@@ -91,6 +91,11 @@ class Node:
         with open(f'/proc/{self.process.pid}/statm') as file:
             return int(file.read().split()[1]) * os.sysconf('SC_PAGESIZE')
 
+    def peak(self):
+        """Most that has been resident [bytes]."""
+        with open(f'/proc/{self.process.pid}/status') as file:
+            return next(1024 * int(line.split()[1]) for line in file if line.startswith('VmHWM'))
+
     def handles(self):
         return len(os.listdir(f'/proc/{self.process.pid}/fd'))
 
@@ -99,6 +104,13 @@ class Node:
             for status in rospy.wait_for_message('/diagnostics', DiagnosticArray, WAIT).status:
                 if status.name.lstrip('/').startswith(self.name[1:] + ':') and status.values:
                     return {v.key: v.value for v in status.values}
+
+
+def goal_of(route, name='goal'):
+    goal = PlanCatheterActionGoal()
+    goal.goal_id.id, goal.goal_id.stamp = name, rospy.Time.now()
+    goal.goal.waypoints = [Point(*p) for p in route]
+    return goal
 
 
 class Saver(threading.Thread):
@@ -193,10 +205,7 @@ def flood(seconds=60, **_):
             time.sleep(0.2 if slowly.is_set() else 0.001 if sent[what] % 20 == 0 else 0)
 
     def one_goal(i):
-        message = PlanCatheterActionGoal()
-        message.goal_id.id, message.goal_id.stamp = f'flood {i}', rospy.Time.now()
-        message.goal.waypoints = [Point(*p) for p in ROUTE]
-        goals.publish(message)
+        goals.publish(goal_of(ROUTE, f'flood {i}'))
 
     pourers = [threading.Thread(target=pour, args=a) for a in
                (('meshes', lambda i: node.client.mesh.publish(mesh)), ('goals', one_goal),
@@ -304,7 +313,24 @@ def crowd(seconds=60, clients=64, **_):
     return not errors and not unknown and alive and code == 0
 
 
-def soak(seconds=7200, **_):
+def plot(rows, folder):
+    """soak.csv and soak.svg: memory, handles and step time of every plan."""
+    import matplotlib
+    matplotlib.use('Agg')
+    from matplotlib import pyplot
+    os.makedirs(folder, exist_ok=True)
+    with open(os.path.join(folder, 'soak.csv'), 'w') as file:
+        file.write('time_s,memory_bytes,handles,step_ms,crossings\n')
+        file.writelines(','.join(f'{v:.9g}' for v in row) + '\n' for row in rows)
+    _, axes = pyplot.subplots(3, 1, sharex=True, figsize=(8, 6))
+    for axis, at, scale, name in zip(axes, (1, 2, 3), (2**20, 1, 1), ('memory [MiB]', 'handles', 'step, median [ms]')):
+        axis.plot([r[0] / 60 for r in rows], [r[at] / scale for r in rows], '.', markersize=2)
+        axis.set_ylabel(name)
+    axes[-1].set_xlabel('time [min]')
+    pyplot.savefig(os.path.join(folder, 'soak.svg'))
+
+
+def soak(seconds=7200, out=None, **_):
     node = Node()
     dice, start, rows = random.Random(1), time.monotonic(), []
     while time.monotonic() - start < seconds:
@@ -331,7 +357,11 @@ def soak(seconds=7200, **_):
     print(f'soak of {seconds} s: {len(rows)} plans; from a third on memory {(rows[-1][1] - rows[third][1]) / 2**20:+.2f} MiB, '
           f'handles {rows[-1][2] - rows[third][2]:+d}, step {100 * (middle[1] / middle[0] - 1):+.1f} %; crossings '
           f'{sum(r[4] for r in rows)}')
-    return alive and sum(r[4] for r in rows) == 0
+    if out:
+        plot(rows, out)
+    settled = [r for r in rows if r[0] > min(600, seconds / 3)]
+    growth = (settled[-1][1] - settled[0][1]) / 2**20
+    return alive and growth < 1 and settled[-1][2] <= settled[0][2] and sum(r[4] for r in rows) == 0
 
 
 def master():
@@ -343,7 +373,7 @@ def master():
         port = probe.getsockname()[1]
     os.environ['ROS_MASTER_URI'] = f'http://localhost:{port}'
     os.environ['ROS_HOSTNAME'] = 'localhost'
-    process = subprocess.Popen(['roscore', '-p', str(port)], stdout=subprocess.DEVNULL, stderr=sys.stderr if "CATNAV_NODE" in os.environ else subprocess.DEVNULL)
+    process = subprocess.Popen(['roscore', '-p', str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     while not rosgraph.is_master_online():
         time.sleep(0.1)
     return process
@@ -354,6 +384,7 @@ if __name__ == '__main__':
     parser.add_argument('what', choices=['stop', 'kill', 'flood', 'crowd', 'soak'])
     for option in 'seconds', 'times', 'clients':
         parser.add_argument('--' + option, type=int)
+    parser.add_argument('--out', help='a folder for the log and plot of soak')
     options = parser.parse_args()
     own = master()
     try:

@@ -1,11 +1,15 @@
 #!/usr/bin/python3
 """Short forms of what scripts/ros/hammer.py does for as long as one likes."""
+import io
 import os
+import struct
 import sys
+import time
 import unittest
 
 import rospy
 import rostest
+from catnav.msg import Verdict
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.realpath(__file__)), '../../scripts/ros'))
 import hammer  # noqa: E402
@@ -20,6 +24,29 @@ class Hammered(unittest.TestCase):
 
     def test_a_flood_is_bounded_counted_and_leaves_the_plan_running(self):
         self.assertTrue(hammer.flood(seconds=4))
+
+    def test_a_list_longer_than_its_message_is_not_made(self):
+        node = hammer.Node()
+        highest = node.peak()
+        for kind, message, count in (('plan_action/goal', hammer.goal_of(hammer.ROUTE), len(hammer.ROUTE)),
+                                     ('artery_mesh', hammer.message(*hammer.TUBE), len(hammer.TUBE[0]))):
+            bytes_ = io.BytesIO()
+            message.serialize(bytes_)
+            first = (message.goal.waypoints if kind != 'artery_mesh' else message.surface.vertices)[0]
+            point = struct.pack('<3d', first.x, first.y, first.z)
+            forged = bytes_.getvalue().replace(struct.pack('<I', count) + point, struct.pack('<I', 2**27) + point, 1)
+            self.assertNotEqual(forged, bytes_.getvalue())
+            forger = type('Forged', (type(message),), {'__slots__': (), 'serialize': lambda self, buff: buff.write(forged)})
+            publisher = rospy.Publisher(f'{node.name}/{kind}', forger, queue_size=100)
+            while not publisher.get_num_connections():
+                time.sleep(0.02)
+            for _ in range(20):
+                publisher.publish(forger())
+            time.sleep(1)
+            publisher.unregister()
+        self.assertEqual(node.client.plan(hammer.SHORT).verdict.code, Verdict.REACHED)
+        self.assertLess(node.peak() - highest, 32 * 2**20)  # 2^27 points would be 3 GiB
+        node.close()
 
     def test_eight_clients_get_one_answer_to_every_call(self):
         self.assertTrue(hammer.crowd(seconds=6, clients=8))
