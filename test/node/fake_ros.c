@@ -382,7 +382,7 @@ uint8_t *fake_wire(const char *frame, const char *name, int nvert, const double 
     if (!bytes) abort();
     at = put(put(put(at, head, 12), &counts[0], 4), frame, counts[0]);
     at = put(put(put(at, &counts[1], 4), name, counts[1]), &counts[2], 4);
-    at = put(put(put(at, tri, 12 * (size_t)ntri), &counts[3], 4), vert, 24 * (size_t)nvert);
+    put(put(put(at, tri, 12 * (size_t)ntri), &counts[3], 4), vert, 24 * (size_t)nvert);
     return bytes;
 }
 void fake_tube(double length, double radius)
