@@ -247,7 +247,7 @@ def flood(seconds=60, **_):
           f'{during[len(during) // 2] if during else 0:.0f} during; the plan {"lived and " if alive else "DIED, "}'
           f'{"was cancelled" if ended else "DID NOT END"}')
     dropped = int(figures['meshes dropped']) + int(figures['calls refused as busy'])
-    return bool(alive and ended and served and dropped > 0 and highest - memory < 256 * 2**20)
+    return bool(alive and ended and served and dropped > 0 and highest - memory < 32 * 2**20)
 
 
 def crowd(seconds=60, clients=64, **_):

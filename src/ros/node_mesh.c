@@ -1,4 +1,5 @@
 /* node_mesh.c - artery meshes: checked at the door, put in force in one stroke. */
+#include <malloc.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -252,6 +253,7 @@ static void *check_meshes(void *user)
         pthread_mutex_unlock(&node->lock);
         check_mesh(node, mesh);
         came_free(mesh);
+        malloc_trim(0); /* maps come and go: what lies between them goes back */
         pthread_mutex_lock(&node->lock);
     }
     pthread_mutex_unlock(&node->lock);
