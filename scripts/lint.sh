@@ -13,6 +13,6 @@ ls src/core/*.c src/*.c src/ros/*.c test/node/fake_ros.c | grep -vE 'kernel|solv
 cppcheck -j "$(nproc)" --enable=warning,portability --std=c11 --quiet --error-exitcode=1 --inline-suppr \
     --suppressions-list=.cppcheck --template='{file}:{line}: {severity}: {message} [{id}]' -Iinclude -Isrc/core -Isrc/ros \
     src/core src/*.c src/ros/*.c || status=1
-catkin_lint -W2 --strict . || status=1
+catkin_lint -W2 --strict --ignore package_path_name . || status=1 # a clone may have any name
 [ $status = 0 ] && echo "lint: nothing to say"
 exit $status
