@@ -146,8 +146,9 @@ static int study_all(int argc, char **argv)
     static char program[PATH_MAX], self[PATH_MAX], count[16];
     const char *folder, *only = NULL;
     int threads = command_threads(), n = 0;
-    bool quick = false;
+    bool quick = false, every_cell = false;
     const option_t options[] = {{"--quick", OPTION_FLAG, &quick},
+                                {"--every-cell", OPTION_FLAG, &every_cell},
                                 {"--only", OPTION_TEXT, &only},
                                 {"--threads", OPTION_COUNT, &threads},
                                 {0}};
@@ -160,6 +161,7 @@ static int study_all(int argc, char **argv)
     words[n++] = "--catnav", words[n++] = self;
     words[n++] = "--threads", words[n++] = count;
     if (quick) words[n++] = "--quick";
+    if (every_cell) words[n++] = "--every-cell";
     if (only) words[n++] = "--only", words[n++] = only;
     words[n++] = "--", words[n++] = folder;
     return become(words, n);
@@ -233,7 +235,7 @@ static const char help[] =
     "NAME\n"
     "    catnav study - accuracy, stability and speed, measured\n\n"
     "SYNOPSIS\n"
-    "    catnav study DIR [--quick] [--only PART] [--threads N]\n"
+    "    catnav study DIR [--quick] [--only PART] [--every-cell] [--threads N]\n"
     "    catnav study paper SCENE.yaml [--out DIR] [--set KEY=VALUE]... [--threads N] [--quiet]\n"
     "    catnav study device SCENE.yaml [--closeness E] [--seconds S] [--out DIR] [--threads N]\n"
     "    catnav study detection TRIANGLES\n"
@@ -278,6 +280,7 @@ static const char help[] =
     "            against anchors a vertex; and the shape of one of them.\n\n"
     "OPTIONS\n"
     "    --quick          the same on fewer and smaller cases, in a minute\n"
+    "    --every-cell     the whole stability grid with every solver, not a part of it: an hour\n"
     "    --only PART      accuracy, theory, contact, stability, speed, detection, left_out or skin alone\n"
     "    --scenes NAME,.. of table1: these alone\n"
     "    --seconds S      of table1 and device: wall time that one run may take (default: 900)\n"

@@ -343,7 +343,7 @@ class Liver(Problem):
         super().__init__("liver", "Catheter scene (`liver.yaml`): the device's line when its tip is there", "", text)
 
     def settings(self, model, quick):
-        return stations({"rod": (58, 115, 229, 455), "tet10": (115, 229), "tet4": (115, 229, 455)}[model])
+        return stations({"rod": (58, 115, 229, 455), "tet10": (115,), "tet4": (115, 229, 455)}[model])
 
     def converge(self, study):
         """The answer: the finest mesh of the best model."""

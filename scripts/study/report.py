@@ -185,7 +185,8 @@ def stability_part(study, rows):
              "taken to its extremes alone, and in pairs: %s (at steps of 10 us the run ends after 2 ms, too early "
              "to be at rest). What happened:"
              % (stability.STEPS, stability.SIMULATED, "every twentieth in this quick study" if study.quick else
-                "all with the default solver, every second with the direct ones, every fourth with `cg`"), ""]
+                "all with every solver" if study.every_cell else
+                "all with the default solver, every fourth with the others, every eighth with `cg`"), ""]
     lines += ["- *%s*: %s" % (result, stability.TEXT[result]) for result in stability.RESULTS] + [""]
     counts = collections.OrderedDict()
     for row in rows:

@@ -29,6 +29,7 @@ def words():
     parser.add_argument("folder", metavar="DIR")
     parser.add_argument("--quick", action="store_true", help="the same on fewer and smaller cases, in a minute")
     parser.add_argument("--only", help=", ".join(PARTS) + ": this part alone")
+    parser.add_argument("--every-cell", action="store_true", help="of the stability grid with every solver: an hour")
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 2, help="of the timed runs")
     parser.add_argument("--catnav", default="catnav", help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -41,7 +42,7 @@ def main():
     given = words()
     try:
         study = tools.Study(given.folder, os.path.abspath(given.catnav), given.quick, given.threads,
-                            ROOT)
+                            ROOT, given.every_cell)
     except OSError as error:
         print("catnav study: %s" % error, file=sys.stderr)
         return 1

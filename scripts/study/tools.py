@@ -105,7 +105,8 @@ class Outcome:
 class Study:
     """Folder, command and options of one study; notes are sentences for the report."""
 
-    def __init__(self, folder, catnav, quick, threads, root):
+    def __init__(self, folder, catnav, quick, threads, root, every_cell=False):
+        self.every_cell = every_cell  # of the stability grid, with every solver
         self.folder, self.catnav, self.quick, self.threads = os.path.abspath(folder), catnav, quick, threads
         self.root, self.notes, self.commands = root, [], 0  # root: of the package, launch/ and test/ in it
         self.reference = os.path.abspath(os.environ.get("CATNAV_REFERENCE",
