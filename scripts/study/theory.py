@@ -156,7 +156,7 @@ def rested(study, file, name):
     if outcome.last is None:
         return outcome
     numpy.savetxt(study.path("scenes/%s_rested.txt" % name), line(outcome)[0], "%.17g")
-    return study.run(file, {"bodies.0.start.positions": name + "_rested.txt", "step": 0.1, "time_limit": 1.0},
+    return study.run(file, {"bodies.0.start.positions": name + "_rested.txt", "step": 0.1, "time_limit": 0.5},
                      points=True)
 
 
@@ -177,8 +177,8 @@ def bend(study):
         write_tube(study, name, points - 0.5 * edge * normals, normals, binormals, play + 0.5 * (diameter - edge))
         numpy.savetxt(study.path("scenes/%s.txt" % name), arc(radius, numpy.linspace(-half, half, nodes))[0], "%.17g")
         file = study.write_scene(name, {
-            "scene": name, "step": 0.002, "time_limit": 0.4, "contact": {"gap": gap, "self": "off"},
-            "solver": {"tolerance": 1e-6},
+            "scene": name, "step": 0.002, "time_limit": 0.15, "contact": {"gap": gap, "self": "off"},
+            "solver": {"tolerance": 1e-6}, "planner": {"resolution": 0.5 * play},  # of a map that nothing here asks
             "vessels": [{"name": "channel", "surface": {"file": name + ".obj"}}],
             "bodies": [{"name": "rod", "shape": {"catheter": {
                 "length": length, "diameter": diameter, "entry": [0, 0, 0], "direction": [0, 0, 1], "inserted": length,
@@ -254,9 +254,10 @@ def helix(study):
         along = numpy.linspace(-0.2 * length, 1.2 * length, 8)
         zero = numpy.zeros_like(along)
         write_tube(study, name, numpy.array([zero, zero, along]).T, numpy.array([zero + 1, zero, zero]).T,
-                   numpy.array([zero, zero + 1, zero]).T, clearance + 0.5 * diameter, sides=96)
+                   numpy.array([zero, zero + 1, zero]).T, clearance + 0.5 * diameter, sides=96)  # fewer corners would hold the coil like teeth
         file = study.write_scene(name, {
             "scene": name, "step": 0.05, "time_limit": 5.0, "contact": {"gap": 0.02 * clearance, "self": "off"},
+            "planner": {"resolution": 5e-4},
             "vessels": [{"name": "tube", "surface": {"file": name + ".obj"}}],
             "bodies": [{"name": "rod", "shape": {"catheter": {
                 "length": length, "diameter": diameter, "entry": [0, 0, length], "direction": [0, 0, -1],
