@@ -257,7 +257,7 @@ def helix(study):
                    numpy.array([zero, zero + 1, zero]).T, clearance + 0.5 * diameter, sides=96)  # fewer corners would hold the coil like teeth
         file = study.write_scene(name, {
             "scene": name, "step": 0.05, "time_limit": 5.0, "contact": {"gap": 0.02 * clearance, "self": "off"},
-            "planner": {"resolution": 5e-4},
+            "planner": {"resolution": 5e-4}, "solver": {"tolerance": 1e-6},
             "vessels": [{"name": "tube", "surface": {"file": name + ".obj"}}],
             "bodies": [{"name": "rod", "shape": {"catheter": {
                 "length": length, "diameter": diameter, "entry": [0, 0, length], "direction": [0, 0, -1],
