@@ -181,6 +181,8 @@ cn_status cn_run_works(cn_run_data *run, cn_error *error)
         if ((status = cn_work_new(&run->work[run->nwork++], run->model, b, coupled ? run->nbody : 1,
                                   run->pool, error)) != CN_OK)
             return status;
+    for (int w = 0; run->hooks && w < run->nwork; w++)
+        cn_work_watch(run->work[w], run->hooks->cancel);
     return CN_OK;
 }
 
@@ -285,10 +287,17 @@ cn_status cn_run_advance(cn_run_data *run, int w)
                 from = run->spare;
             }
         }
-        if (status == CN_OK || status == CN_ERR_MEMORY || run->model->single) return status;
+        if (status == CN_OK || status == CN_ERR_MEMORY || status == CN_ERR_CANCELLED || run->model->single)
+            return status;
         run->report->rejected_steps++;
     }
     return status;
+}
+
+static void at_cancel(cn_run_data *run)
+{
+    cn_run_verdict(run, CN_VERDICT_CANCELLED, "cancelled at step %d, t = %.3f s", run->state->step,
+                   run->state->time);
 }
 
 static void numerics(cn_run_data *run, int b, cn_status status)
@@ -389,11 +398,7 @@ static void drive_on(cn_run_data *run)
         int broken_body = -1;
         const double start = cn_seconds();
         cn_step_figures figures = {.gap = INFINITY};
-        if (cancelled(run)) {
-            cn_run_verdict(run, CN_VERDICT_CANCELLED, "cancelled at step %d, t = %.3f s", run->state->step,
-                           run->state->time);
-            return;
-        }
+        if (cancelled(run)) return at_cancel(run);
         const int rejected = run->report->rejected_steps;
         int newton = 0;
         cn_state_copy(run->trial, run->state);
@@ -402,6 +407,7 @@ static void drive_on(cn_run_data *run)
             const cn_status status = cn_run_advance(run, w);
             int first, n;
             cn_work_bodies(run->work[w], &first, &n);
+            if (status == CN_ERR_CANCELLED) return at_cancel(run);
             if (status != CN_OK) {
                 numerics(run, first, status);
                 return;

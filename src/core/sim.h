@@ -11,6 +11,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <signal.h>
 #include "catnav/body.h"
 #include "catnav/path.h"
 #include "catnav/skin.h"
@@ -149,6 +150,8 @@ int cn_sheath_out(const cn_model_body *body, double inserted);
 cn_status cn_work_new(cn_work **out, const cn_model *model, int first, int nbody, cn_pool *pool,
                       cn_error *error);
 void cn_work_free(cn_work *work);
+/* A step is left within an iteration of this being set: CN_ERR_CANCELLED. */
+void cn_work_watch(cn_work *work, const volatile sig_atomic_t *cancel);
 void cn_work_bodies(const cn_work *work, int *first, int *nbody);
 /* Wall of the world for which its surface s stands (the bodies' come first); -1: none. */
 int cn_work_wall(const cn_work *work, int surface);

@@ -89,6 +89,7 @@ struct cn_work {
     double energy_size; /* of all energies [J] */
     double added;       /* inertia that last made the exact tangent positive definite, over M/h^2 */
     double forcing;     /* what an iterative solver may leave of the residual */
+    const volatile sig_atomic_t *cancel; /* NULL: nothing ends a step early */
 };
 
 /* All bodies of a work in one stage. */

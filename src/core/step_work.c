@@ -178,6 +178,11 @@ cn_status cn_work_grow(cn_work *work)
     return status == CN_OK && work->contact ? cn_contact_grow(work->contact) : status;
 }
 
+void cn_work_watch(cn_work *work, const volatile sig_atomic_t *cancel)
+{
+    work->cancel = cancel;
+}
+
 void cn_work_bodies(const cn_work *work, int *first, int *nbody)
 {
     *first = work->first, *nbody = work->npart;

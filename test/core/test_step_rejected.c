@@ -57,8 +57,28 @@ static void a_thousand_steps_taken_back_change_nothing(void **state)
     scene_steps_free(&straight), scene_steps_free(&often);
 }
 
+static void a_step_that_is_called_off_ends_at_once_and_changes_nothing(void **state)
+{
+    volatile sig_atomic_t off = 0;
+    scene_steps straight, watched;
+    (void)state;
+    scene_steps_new(&straight, text, 0, NULL), scene_steps_new(&watched, text, 0, NULL);
+    cn_work_watch(watched.work, &off);
+    for (int i = 0; i < 5; i++) {
+        off = 1;
+        assert_int_equal(scene_steps_try(&watched), CN_ERR_CANCELLED);
+        same_bits(&watched, straight.state);
+        off = 0;
+        scene_steps_go(&watched, 1), scene_steps_go(&straight, 1);
+        same_bits(&watched, straight.state);
+    }
+    scene_steps_free(&straight), scene_steps_free(&watched);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(a_thousand_steps_taken_back_change_nothing)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_thousand_steps_taken_back_change_nothing),
+        cmocka_unit_test(a_step_that_is_called_off_ends_at_once_and_changes_nothing)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
