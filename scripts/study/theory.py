@@ -245,9 +245,11 @@ def helix(study):
         thrust, clearance, pitch = case["P"], case["clearance"], case["pitch"]
         diameter, turns, per = 1.35e-3, 7, 24
         young = case["EI"] / (SECTION * diameter**4)
+        # a coil grows at thrust^2 / (4 EI c m) of damping c and mass m per length: so that all cases come to rest
+        damping = thrust**2 / (4 * case["EI"] * 1100 * PI / 4 * diameter**2) / 1.4e4
         length, n, name = turns * pitch, turns * per + 1, "helix_%d" % i
         z = numpy.linspace(0, length, n)
-        angle = 2 * PI * z / (1.25 * pitch)  # another pitch than theory's to begin with
+        angle = 2 * PI * z / (1.15 * pitch)  # another pitch than theory's to begin with
         amplitude = 0.9 * clearance * numpy.clip(z / pitch, 0, 1)
         numpy.savetxt(study.path("scenes/%s.txt" % name), numpy.array(
             [amplitude * numpy.cos(angle), amplitude * numpy.sin(angle), z]).T, "%.17g")
@@ -256,13 +258,13 @@ def helix(study):
         write_tube(study, name, numpy.array([zero, zero, along]).T, numpy.array([zero + 1, zero, zero]).T,
                    numpy.array([zero, zero + 1, zero]).T, clearance + 0.5 * diameter, sides=96)  # fewer corners would hold the coil like teeth
         file = study.write_scene(name, {
-            "scene": name, "step": 0.05, "time_limit": 5.0, "contact": {"gap": 0.02 * clearance, "self": "off"},
-            "planner": {"resolution": 5e-4}, "solver": {"tolerance": 1e-6},
+            "scene": name, "step": 0.02, "time_limit": 3.0, "contact": {"gap": 0.02 * clearance, "self": "off"},
+            "planner": {"resolution": 5e-4}, "solver": {"tolerance": 1e-5},
             "vessels": [{"name": "tube", "surface": {"file": name + ".obj"}}],
             "bodies": [{"name": "rod", "shape": {"catheter": {
                 "length": length, "diameter": diameter, "entry": [0, 0, length], "direction": [0, 0, -1],
                 "inserted": length, "stations": n, "sides": 24, "sheath": "off"}}, "model": "rod",
-                "material": {"young": young, "poisson": 0.33, "density": 1100, "damping": 20.0},
+                "material": {"young": young, "poisson": 0.33, "density": 1100, "damping": damping},
                 "start": {"positions": name + ".txt"},
                 "fixed": {"box": [[-1, -1, -1e-6], [1, 1, 1e-6]]},
                 "load": [{"box": [[-1, -1, length - 1e-6], [1, 1, length + 1e-6]], "force": [0, 0, -thrust]}]}]})
