@@ -178,7 +178,7 @@ def bend(study):
         numpy.savetxt(study.path("scenes/%s.txt" % name), arc(radius, numpy.linspace(-half, half, nodes))[0], "%.17g")
         file = study.write_scene(name, {
             "scene": name, "step": 0.002, "time_limit": 0.15, "contact": {"gap": gap, "self": "off"},
-            "solver": {"tolerance": 1e-6}, "planner": {"resolution": 0.5 * play},  # of a map that nothing here asks
+            "solver": {"tolerance": 1e-6}, "planner": {"resolution": diameter},  # of a map that nothing here asks
             "vessels": [{"name": "channel", "surface": {"file": name + ".obj"}}],
             "bodies": [{"name": "rod", "shape": {"catheter": {
                 "length": length, "diameter": diameter, "entry": [0, 0, 0], "direction": [0, 0, 1], "inserted": length,
