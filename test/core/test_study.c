@@ -248,9 +248,12 @@ static void csv_and_json_hold_the_same_figures_and_undefined_ones_as_nothing(voi
     FILE *file = fopen(name, "r");
     assert_non_null(file);
     assert_non_null(fgets(line, sizeof line, file));
-    int columns = 1;
-    for (const char *c = line; *c; c++)
+    int columns = 1, at = 0; /* the column of the ratio */
+    for (const char *c = line; *c; c++) {
         columns += *c == ',';
+        if (!strncmp(c, ",ratio,", 7)) at = columns;
+    }
+    assert_true(at > 0);
     for (int i = 0; i < CN_STUDY_STATES * CN_STUDY_METHODS; i++) {
         const json_t *row =
             json_array_get(json_object_get(json_array_get(states, (size_t)i / 2), "methods"), (size_t)i % 2);
@@ -259,7 +262,7 @@ static void csv_and_json_hold_the_same_figures_and_undefined_ones_as_nothing(voi
         assert_non_null(fgets(line, sizeof line, file));
         for (char *c = line; *c; c++) {
             found += *c == ',';
-            if (*c == ',' && found == 11) cell = c + 1;
+            if (*c == ',' && found == at) cell = c + 1;
         }
         assert_int_equal(found, columns);
         assert_int_equal(sscanf(cell, "%lf", &ratio), 1);
