@@ -178,8 +178,8 @@ class Doors(Runs):
             self.assertIn(word, done.stderr)
 
     def test_a_mesh_in_the_wrong_unit_is_told_by_its_ratio_to_the_device(self):
-        for scale in (1, 1e-6):
-            self.refused(FORK, "BAD_INPUT", 1, "vessels.0.surface.scale=%g" % scale, words=("0.5 to 200", "scale"))
+        for scale, words in ((1, ("metres", "too much for a map")), (1e-6, ("0.5 to 200",))):
+            self.refused(FORK, "BAD_INPUT", 1, "vessels.0.surface.scale=%g" % scale, words=words + ("scale",))
 
     def test_an_impossible_limit_ends_with_what_broke_it_and_where(self):
         report = self.refused(FORK, "LIMIT_BROKEN", 2, "bodies.0.limits=[{quantity: stress, limit: 1}]",
