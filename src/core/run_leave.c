@@ -148,7 +148,8 @@ void cn_run_watch(cn_run_data *run)
     if (left_out != CN_OFF && (leave->every <= 0 || run->report->steps % leave->every)) return;
     for (int b = 0; b < run->nbody; b++) {
         cn_self *self = &leave->self[b];
-        const bool folds = !cn_cannot_fold(&run->model->body[b], &run->state->body[b], run->body[b].points);
+        const bool folds =
+            !(cn_fold_room(&run->model->body[b], &run->state->body[b], run->body[b].points) > 0);
         if (run->model->body[b].self) { /* the step sees to it */
             if (folds && !self->done) self->done = run->state->step;
             continue;

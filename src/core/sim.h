@@ -166,10 +166,12 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
 cn_status cn_work_grow(cn_work *work);
 /* `state` against the walls, each other and themselves: exact crossings, outside points, least distance. */
 cn_status cn_work_check(const cn_state *state, cn_work *work, cn_findings *findings);
-/* Whether a body's axis turns by so little that it cannot come back to itself: a closed loop, even with a
- * corner where it meets, turns by more than half a circle (Fenchel); and nowhere about less than its own
- * diameter, where its sections would lie in one another. axis: scratch (nnode x 3). */
-bool cn_cannot_fold(const cn_model_body *body, const cn_body_state *state, double *axis);
+/* How much two places of a body can near each other before it meets itself [m]. INFINITY: its axis turns by
+ * so little that it cannot come back to itself at all: a closed loop, even with a corner where it meets,
+ * turns by more than half a circle (Fenchel). Else the least distance of places between which it turns by
+ * nearly that, less two diameters and the longest of its segments. 0: it may meet itself, or turns about less
+ * than its own diameter, where its sections would lie in one another. axis: scratch (nnode x 3). */
+double cn_fold_room(const cn_model_body *body, const cn_body_state *state, double *axis);
 /* Recomputes the residual of the step from `state` to `trial` from inertia, elastic, external, drive and
  * contact forces, apart from the solver (relative to the largest of their norms): of the worst body. */
 double cn_step_residual(const cn_model *model, const cn_state *state, const cn_state *trial,

@@ -77,6 +77,16 @@ static void set_up(cn_stage *s, cn_part *part, const cn_body_state *from, double
     memset(part->constant, 0, 3 * (size_t)b->nblock * sizeof(double));
 }
 
+/* The body has room enough to go on for a step, and faster than it does now, without meeting itself. */
+static bool stays_unfolded(cn_part *part, const cn_body_state *state, double dt)
+{
+    double fast = 0;
+    part->room = cn_fold_room(part->body, state, part->axis);
+    for (int i = 0; i < state->nfree; i++)
+        fast = fmax(fast, cn_norm2(state->v + 3 * i));
+    return part->room > part->body->diameter + 4 * dt * sqrt(fast);
+}
+
 /* What both the step and its recomputed residual begin with. */
 static void group_up(cn_group *g, cn_work *work, const cn_state *state, cn_state *trial,
                      const cn_path *const *path, double dt)
@@ -85,9 +95,8 @@ static void group_up(cn_group *g, cn_work *work, const cn_state *state, cn_state
     bool near = work->surfaces && work->surfaces->nsurface > 1;
     for (int p = 0; work->surfaces && p < work->npart; p++)
         near |= work->surfaces->surface[p].self =
-            work->part[p].body->self &&
-            (work->part[p].body->self_always ||
-             !cn_cannot_fold(work->part[p].body, &state->body[work->first + p], work->part[p].axis));
+            work->part[p].body->self && (work->part[p].body->self_always ||
+                                         !stays_unfolded(&work->part[p], &state->body[work->first + p], dt));
     g->strict = near && work->model->touches && work->model->scene->contact.method == CN_CONTACT_STRICT;
     g->pressed = work->penalty && near && work->model->touches;
     for (int p = 0; p < work->npart; p++) {
@@ -384,7 +393,7 @@ static bool folds(const cn_group *g, int p, const cn_state *trial)
     const cn_body *b = part->body->body;
     const cn_body_state *to = &trial->body[part->index];
     const int npoint = cn_body_points_of(b, to->nfree);
-    if (!cn_cannot_fold(part->body, to, part->axis)) return true;
+    if (!(cn_fold_room(part->body, to, part->axis) > 0)) return true;
     if (part->body->worn && b->model == CN_BODY_ROD) return false; /* tetrahedra that only ride on it */
     gather(work, trial);
     const double *x = part->body->worn ? to->x : work->points + 3 * (size_t)work->surfaces->surface[p].first;
@@ -400,6 +409,18 @@ static bool folds(const cn_group *g, int p, const cn_state *trial)
         if (out && !(cn_dot(across, e[2]) > 0)) return true;
     }
     return false;
+}
+
+/* Longest way of a node in the step. */
+static double farthest(const cn_stage *s, const cn_body_state *to)
+{
+    double most = 0;
+    for (int i = 0; i < s->nfree; i++) {
+        double way[3];
+        cn_sub(to->x + 3 * i, s->from->x + 3 * i, way);
+        most = fmax(most, cn_norm2(way));
+    }
+    return sqrt(most);
 }
 
 /* What the contact's response makes of the new state, and the check. */
@@ -420,6 +441,10 @@ static cn_status meet_walls(const cn_group *g, cn_state *trial, double dt, cn_st
         project(g, trial, dt, figures);
     }
     const bool strict = work->model->scene->contact.method == CN_CONTACT_STRICT;
+    for (int p = 0; g->strict && p < g->n; p++) /* farther than it had room for without being looked after */
+        if (work->part[p].body->self && !work->surfaces->surface[p].self &&
+            !(2 * farthest(&g->stage[p], &trial->body[work->part[p].index]) < work->part[p].room))
+            return CN_ERR_NOT_FREE;
     for (int p = 0; strict && p < g->n; p++) /* left out by how it lay at the start, and it may have folded */
         if (work->part[p].body->self && !work->surfaces->surface[p].self)
             work->surfaces->surface[p].self = folds(g, p, trial);

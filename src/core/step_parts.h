@@ -33,6 +33,7 @@ typedef struct {
     double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
     double energy;                      /* as last evaluated [J] */
     bool linked;                        /* contact joins it to others, or to itself */
+    double room;                        /* cn_fold_room at the step's start [m] */
     bool settled;                       /* in balance, and nothing touches it: left out of the iteration */
     bool sheet;                         /* a wall that deforms: its matrix is constant, ... */
     double sheet_h;                     /* ... factored for this step, 0: not yet */

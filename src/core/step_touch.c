@@ -259,28 +259,56 @@ static int slices(const cn_model_body *body, const double *x, double middle[SLIC
     return n;
 }
 
-bool cn_cannot_fold(const cn_model_body *body, const cn_body_state *state, double *axis)
+/* By how much a line of points turns at point i. */
+static double turn_at(const double *x, int i)
+{
+    double before[3], ahead[3], cross[3];
+    cn_sub(x + 3 * i, x + 3 * i - 3, before), cn_sub(x + 3 * i + 3, x + 3 * i, ahead);
+    cn_cross(before, ahead, cross);
+    return atan2(cn_norm(cross), cn_dot(before, ahead));
+}
+
+/* Least distance of places between which the line turns by three quarters of half a circle. */
+static double bend_distance(int n, const double *x, double longest_side)
+{
+    const double most = 0.75 * acos(-1.0);
+    double least = INFINITY, sum = 0; /* between i and j */
+    for (int i = 0, j = 1; i < n; i++) {
+        if (j <= i) j = i + 1, sum = 0;
+        while (sum < most && ++j < n)
+            sum += turn_at(x, j - 1);
+        if (j >= n) break;
+        for (int k = j; k < n;) {
+            const double d = cn_distance(x + 3 * i, x + 3 * k);
+            least = fmin(least, d);
+            k += d - least > longest_side ? (int)((d - least) / longest_side) : 1;
+        }
+        if (j > i + 1) sum -= turn_at(x, i + 1);
+    }
+    return least;
+}
+
+double cn_fold_room(const cn_model_body *body, const cn_body_state *state, double *axis)
 {
     const double *x = state->x;
-    double turn = 0, before[3], ahead[3], middle[SLICES][3], last = 0;
+    const bool slender = body->catheter || body->body->model == CN_BODY_ROD;
+    double turn = 0, side = 0, middle[SLICES][3];
     int n = state->nfree;
     if (body->catheter) {
         cn_axis_points(body, state, &n, axis);
         x = axis;
-    } else if (body->body->model != CN_BODY_ROD) {
-        if (!body->self || (n = slices(body, state->x, middle)) < 3) return false;
+    } else if (!slender) {
+        if (!body->self || (n = slices(body, state->x, middle)) < 3) return 0;
         x = middle[0];
     }
-    for (int i = 1; i < n; i++, cn_copy3(ahead, before)) {
-        const double before_it = last;
-        cn_sub(x + 3 * i, x + 3 * i - 3, ahead);
-        last = cn_normalise(ahead);
-        if (i == 1) continue;
-        double cross[3];
-        cn_cross(before, ahead, cross);
-        const double angle = atan2(cn_norm(cross), cn_dot(before, ahead));
-        if (!(angle * body->diameter < fmin(before_it, last))) return false;
+    for (int i = 1; i < n; i++) {
+        const double before = cn_distance(x + 3 * i, x + 3 * i - 3);
+        side = fmax(side, before);
+        if (i + 1 == n) break;
+        const double angle = turn_at(x, i);
+        if (!(angle * body->diameter < fmin(before, cn_distance(x + 3 * i + 3, x + 3 * i)))) return 0;
         turn += angle;
     }
-    return turn <= acos(-1.0);
+    if (turn <= acos(-1.0)) return INFINITY;
+    return slender ? fmax(0, bend_distance(n, x, side) - side - 2 * body->diameter) : 0;
 }

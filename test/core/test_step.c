@@ -273,6 +273,50 @@ static void a_frozen_factor_changes_the_work_not_the_answer(void **state)
     cn_tets_free(mesh);
 }
 
+/* Distance of places between which a line of points turns by half a circle or more, pair by pair. */
+static double half_turn_distance(int n, const double *x)
+{
+    double least = INFINITY;
+    for (int i = 0; i < n; i++) {
+        double turn = 0;
+        for (int k = i + 1; k < n; k++) {
+            double before[3], ahead[3];
+            if (turn >= acos(-1.0)) least = fmin(least, cn_distance(x + 3 * i, x + 3 * k));
+            if (k + 1 == n) break;
+            cn_sub(x + 3 * k, x + 3 * k - 3, before), cn_sub(x + 3 * k + 3, x + 3 * k, ahead);
+            cn_normalise(before), cn_normalise(ahead);
+            turn += acos(fmax(-1, fmin(1, cn_dot(before, ahead))));
+        }
+    }
+    return least;
+}
+
+static void a_slender_body_has_no_more_room_to_fold_than_its_half_turns_leave(void **state)
+{
+    enum { N = 200 };
+    const double side = 2e-3, diameter = 1e-3;
+    double x[3 * N] = {0};
+    cn_body body = {.model = CN_BODY_ROD};
+    const cn_model_body model = {.body = &body, .diameter = diameter};
+    const cn_body_state at = {.x = x, .nfree = N};
+    int apart = 0, near = 0;
+    (void)state;
+    for (int shape = 0; shape < 60; shape++) {
+        /* a wave in a plane that bends further one way: from nearly straight to wound up */
+        const double wave = 0.02 * (shape % 10), drift = 0.008 * (shape / 10);
+        double angle = 0;
+        for (int i = 1; i < N; i++) {
+            angle += wave * sin(0.1 * i) + drift;
+            x[3 * i] = x[3 * i - 3] + side * cos(angle), x[3 * i + 1] = x[3 * i - 2] + side * sin(angle);
+        }
+        const double room = cn_fold_room(&model, &at, NULL), least = half_turn_distance(N, x);
+        assert_true(room <= fmax(0, least - 2 * diameter));
+        assert_true(shape > 0 || room == INFINITY);
+        apart += room > 0 && room < INFINITY, near += room == 0;
+    }
+    assert_true(apart > 10 && near > 10); /* both are seen */
+}
+
 static void a_failed_step_leaves_the_state_as_it_was(void **state)
 {
     (void)state;
@@ -320,6 +364,7 @@ int main(void)
         cmocka_unit_test(the_residual_is_small_when_recomputed_apart),
         cmocka_unit_test(threads_do_not_change_a_bit),
         cmocka_unit_test(a_frozen_factor_changes_the_work_not_the_answer),
+        cmocka_unit_test(a_slender_body_has_no_more_room_to_fold_than_its_half_turns_leave),
         cmocka_unit_test(a_failed_step_leaves_the_state_as_it_was),
         cmocka_unit_test(an_unheld_massless_body_is_refused_as_singular),
     };
