@@ -239,7 +239,7 @@ static bool may_keep(const cn_group *g)
     if (g->strict && (g->work->contact->nrub || cn_contact_touches(g->work->contact))) return false;
     EACH_STAGE(g, s)
     if (!s->part->settled &&
-        !(s->part->model->scene->solver.tolerance * s->part->residual_scale > 100 * cn_stage_floor(s)))
+        !(s->part->model->scene->solver.tolerance * s->part->residual_scale > cn_stage_floor(s)))
         return false;
     return true;
 }
