@@ -33,9 +33,10 @@ void on_tune(void *user, const cn_ros_tuning *tuning)
     pthread_mutex_unlock(&node->lock);
 }
 
-void step_back(int nice)
+void step_back(int steps)
 {
-    setpriority(PRIO_PROCESS, (id_t)gettid(), nice); /* of a thread, under Linux */
+    const id_t self = (id_t)gettid(); /* of a thread, under Linux */
+    setpriority(PRIO_PROCESS, self, getpriority(PRIO_PROCESS, self) + steps);
 }
 
 /* ~on_busy and ~queue_size: what becomes of a call while another is open. */

@@ -242,7 +242,8 @@ void on_mesh(void *user, cn_ros_message *message)
 static void *check_meshes(void *user)
 {
     cn_node *node = user;
-    step_back(10);
+    pthread_setname_np(pthread_self(), "mesh");
+    step_back(5); /* behind roscpp's threads, which started it */
     pthread_mutex_lock(&node->lock);
     for (;;) {
         while (node->ncame == 0 && !node->leaving)

@@ -118,9 +118,9 @@ struct cn_node {
     double last_frame; /* [s] */
 };
 
-/* The calling thread, and those that it starts from now on, leave the processor to plans: 0 to 19, for good.
- */
-void step_back(int nice);
+/* The calling thread, and those that it starts from now on, leave the processor to plans: nicer by so many
+ * steps. */
+void step_back(int steps);
 
 /* --- node_mesh.c: stages and the meshes they are made of --- */
 /* Reads a scene (`requested`: one that stays in its folders) with the node's settings, checks its walls with

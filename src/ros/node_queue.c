@@ -101,6 +101,7 @@ void on_cancel(void *user, cn_ros_call call)
 static void *work(void *user)
 {
     cn_node *node = user;
+    pthread_setname_np(pthread_self(), "plan");
     pthread_mutex_lock(&node->lock);
     for (;;) {
         while (node->nqueue == 0 && !node->leaving)

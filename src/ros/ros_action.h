@@ -29,9 +29,9 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
 
     void initialize() override
     {
-        result_ = node_.advertise<PlanCatheterActionResult>("result", 256);
-        feedback_ = node_.advertise<PlanCatheterActionFeedback>("feedback", 64);
-        status_ = node_.advertise<actionlib_msgs::GoalStatusArray>("status", 16, true);
+        result_ = node_.advertise<PlanCatheterActionResult>("result", 128);
+        feedback_ = node_.advertise<PlanCatheterActionFeedback>("feedback", 16);
+        status_ = node_.advertise<actionlib_msgs::GoalStatusArray>("status", 2, true);
         status_list_timeout_ = ros::Duration(node_.param("status_list_timeout", 5.0));
         timer_ =
             node_.createWallTimer(ros::WallDuration(1 / status_rate), [this](const ros::WallTimerEvent &) {
@@ -40,9 +40,9 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
                 if (started_) publishStatus();
             });
         goal_ = node_.subscribe<PlanCatheterActionGoal>(
-            "goal", 256, [this](const PlanCatheterActionGoal::ConstPtr &m) { goalCallback(m); });
+            "goal", 64, [this](const PlanCatheterActionGoal::ConstPtr &m) { goalCallback(m); });
         cancel_ = node_.subscribe<actionlib_msgs::GoalID>(
-            "cancel", 256, [this](const actionlib_msgs::GoalID::ConstPtr &m) { onCancel(m); });
+            "cancel", 64, [this](const actionlib_msgs::GoalID::ConstPtr &m) { onCancel(m); });
     }
 
     void onCancel(const actionlib_msgs::GoalID::ConstPtr &message)

@@ -3,6 +3,8 @@
 #include <cstring>
 #include <sstream>
 #include <SuiteSparse_config.h>
+#include <ros/network.h>
+#include <ros/xmlrpc_manager.h>
 #include "ros_parts.h"
 
 using catnav::guarded;
@@ -57,6 +59,43 @@ bool cn_ros_ok(const cn_ros *)
 bool cn_ros_mesh_senders(const cn_ros *ros)
 {
     return ros->mesh.getNumPublishers() > 0;
+}
+
+// What roscpp counts it tells over ROS's own interface alone.
+static bool busStats(XmlRpc::XmlRpcValue &stats)
+{
+    const auto &manager = ros::XMLRPCManager::instance();
+    XmlRpc::XmlRpcValue name, answer;
+    std::string host;
+    uint32_t port;
+    if (!ros::network::splitURI(manager->getServerURI(), host, port)) return false;
+    XmlRpc::XmlRpcClient *client = manager->getXMLRPCClient(host, int(port), "/");
+    name[0] = ros::this_node::getName();
+    const bool told = client->execute("getBusStats", name, answer);
+    manager->releaseXMLRPCClient(client);
+    stats = told && answer.size() == 3 ? answer[2] : answer; // some roscpp leave out code and text
+    return told && stats.size() >= 2;
+}
+
+void cn_ros_traffic(cn_ros *ros, unsigned long *came, unsigned long *dropped)
+{
+    guarded([&] {
+        XmlRpc::XmlRpcValue stats;
+        std::map<int, std::pair<uint32_t, uint32_t>> now;
+        if (!busStats(stats)) return;
+        for (int i = 0; i < stats[1].size(); i++) {
+            auto &connections = stats[1][i][1]; // id, bytes, messages, drops
+            for (int k = 0; k < connections.size(); k++)
+                now[int(connections[k][0])] = {uint32_t(int(connections[k][2])),
+                                               uint32_t(int(connections[k][3]))};
+        }
+        for (const auto &one : now) {
+            const auto before = ros->told[one.first]; // of a new one: nothing
+            ros->came += one.second.first - before.first, ros->dropped += one.second.second - before.second;
+        }
+        ros->told = std::move(now);
+    });
+    *came = ros->came, *dropped = ros->dropped;
 }
 
 void cn_ros_free(cn_ros *ros)

@@ -97,6 +97,9 @@ struct cn_ros {
     std::unique_ptr<catnav::Marks, catnav::End> marks;
     std::unique_ptr<catnav::Tuning, catnav::End> tuning;
     std::unique_ptr<ros::AsyncSpinner> spinner;
+    std::map<int, std::pair<uint32_t, uint32_t>>
+        told;                            // messages and drops of each connection, when last asked
+    unsigned long came = 0, dropped = 0; // of all there have been
 };
 
 catnav::PlanDoor *newPlanDoor(cn_ros *ros, int waiting);

@@ -76,6 +76,11 @@ bool cn_ros_mesh_senders(const cn_ros *ros)
     (void)ros;
     return false;
 }
+void cn_ros_traffic(cn_ros *ros, unsigned long *came, unsigned long *dropped)
+{
+    (void)ros;
+    *came = *dropped = 0;
+}
 void cn_ros_free(cn_ros *ros)
 {
     free(ros);
