@@ -5,7 +5,7 @@
     hammer.py kill  [--times 200]               SIGKILL at random moments: back soon, nothing corrupt
     hammer.py flood [--seconds 60]              meshes, goals and cancels as fast as they can be sent, beside a plan
     hammer.py crowd [--seconds 60 --clients 64] clients that plan, cancel, save, load, set: one answer to every call
-    hammer.py soak  [--seconds 7200 --out DIR]  random plans, cancels and bad requests: memory, handles, step time
+    hammer.py soak  [--seconds 7200 --out DIR]  random plans, replans, cancels, bad requests: memory, handles, step time
 
 Needs the package's environment (`. build/devel/setup.bash`); CATNAV_NODE: another build of the node. Ends with 1 when a
 promise was broken."""
@@ -30,7 +30,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.realpath(__file__)), '..
 import roslib.packages  # noqa: E402
 from actionlib import CommState  # noqa: E402
 from actionlib_msgs.msg import GoalID  # noqa: E402
-from catnav.msg import PlanCatheterActionGoal, PlanCatheterFeedback, Verdict  # noqa: E402
+from catnav.msg import Limit, PlanCatheterActionGoal, PlanCatheterFeedback, Verdict  # noqa: E402
 from catnav.srv import WaypointsFile  # noqa: E402
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from dynamic_reconfigure.msg import DoubleParameter  # noqa: E402
@@ -42,6 +42,8 @@ HERE = os.path.dirname(os.path.realpath(__file__))
 TUBE = tube([0, 0, 0], [0, 0, 0.08], 0.004)
 ROUTE = [(0, 0, 0.01), (0, 0, 0.06)]
 SHORT = [(0, 0, 0.01), (0, 0, 0.014)]
+THROUGH_FORK = [(0, 0, 0.005), (0, 0, 0.19)]
+REPEATED = [(0, 0, 0.01), (0, 0, 0.04)]
 WAIT = 120  # [s]: what takes longer never comes
 
 
@@ -98,6 +100,18 @@ class Node:
 
     def handles(self):
         return len(os.listdir(f'/proc/{self.process.pid}/fd'))
+
+    def stepping(self):
+        """Processor time [s] of the thread that plans run in: the first of its name, others are its pool."""
+        threads = f'/proc/{self.process.pid}/task/'
+        for thread in sorted(map(int, os.listdir(threads))):
+            with open(f'{threads}{thread}/comm') as name, open(f'{threads}{thread}/schedstat') as spent:
+                if name.read().strip() == 'plan':
+                    return 1e-9 * int(spent.read().split()[0])
+
+    def worked(self):
+        """Processor time [s] of all its threads so far, of those that have ended too."""
+        return time.clock_gettime(~self.process.pid << 3 | 2)  # Linux: the processor-time clock of a process
 
     def diagnostics(self):
         while True:
@@ -185,53 +199,42 @@ def kill(times=200, **_):
     return not wrong
 
 
+class Window:
+    """A stretch of a plan: what its steps take."""
+
+    def __init__(self, node, goal):
+        self.node, self.goal = node, goal
+        self.begin = self.now()
+
+    def now(self):
+        """wall clock, processor time of the thread that steps [s], its steps"""
+        return time.monotonic(), self.node.stepping(), self.goal.feedback[-1].step
+
+    def end(self):
+        """(wall clock, processor time) a step [ms]"""
+        wall, busy, steps = (b - a for a, b in zip(self.begin, self.now()))
+        return 1e3 * wall / max(steps, 1), 1e3 * busy / max(steps, 1)
+
+
 def flood(seconds=60, **_):
     node = Node(**{'time_limit': 1e6, 'bodies/0/drive/speed': 1e-3})  # a plan that lasts
     goal = node.moving()
-    mesh = message(*TUBE)
-    goals = rospy.Publisher(node.name + '/plan_action/goal', PlanCatheterActionGoal, queue_size=100)
-    cancels = rospy.Publisher(node.name + '/plan_action/cancel', GoalID, queue_size=100)
-    sent = {'meshes': 0, 'goals': 0, 'cancels': 0}
-    over, slowly = threading.Event(), threading.Event()
+    sender = roslib.packages.find_node('catnav', 'catnav_flood')[0]
+    for thread in os.listdir('/proc/self/task'):  # as if it, too, were another machine
+        os.setpriority(os.PRIO_PROCESS, int(thread), 19)
 
-    def rates(start, end):
-        return sorted(f.steps_per_second for f, t in zip(goal.feedback, goal.heard) if start <= t <= end and f.steps_per_second)
-
-    def pour(what, send):
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)  # as if it came from another machine
-        while not over.is_set():
-            send(sent[what])
-            sent[what] += 1
-            time.sleep(0.2 if slowly.is_set() else 0.001 if sent[what] % 20 == 0 else 0)
-
-    def one_goal(i):
-        goals.publish(goal_of(ROUTE, f'flood {i}'))
-
-    pourers = [threading.Thread(target=pour, args=a) for a in
-               (('meshes', lambda i: node.client.mesh.publish(mesh)), ('goals', one_goal),
-                ('cancels', lambda i: cancels.publish(GoalID(rospy.Time(), f'flood {i}'))))]
-    def highest_until(end):
-        highest = 0
-        while time.monotonic() < end:
-            time.sleep(0.02)
+    def pour(seconds, rate):
+        """How many meshes, goals and cancels were sent, the highest memory meanwhile, what a step took."""
+        highest, window = 0, Window(node, goal)
+        child = subprocess.Popen([sender, node.name, str(seconds), str(rate)], stdout=subprocess.PIPE, text=True)
+        while child.poll() is None:
+            time.sleep(0.05)
             highest = max(highest, node.memory())
-        return highest
+        return [int(n) for n in child.stdout.read().split()], highest, window.end()
 
-    slowly.set()  # first five of each a second: what a mesh that is checked beside a plan takes is no growth
-    for thread in pourers:
-        thread.start()
-    time.sleep(2)
-    calm = time.monotonic()
-    memory = highest_until(calm + min(6, seconds))
-    slowly.clear()
-    start = time.monotonic()
-    sent.update(dict.fromkeys(sent, 0))
-    before = rates(calm, start)
-    highest = highest_until(start + seconds)
-    over.set()
-    for thread in pourers:
-        thread.join()
-    during = rates(start, time.monotonic())
+    pour(min(10, seconds), 15)  # what a mesh that is checked beside a plan takes is no growth
+    _, memory, calm = pour(min(20, seconds), 15)
+    sent, highest, flooded = pour(seconds, 10000)
     time.sleep(7)  # the status list forgets ended goals after 5 s
     after = node.memory()
     figures = node.diagnostics()
@@ -240,12 +243,11 @@ def flood(seconds=60, **_):
     ended = goal.done.wait(WAIT) and goal.result.verdict.code == Verdict.CANCELLED
     served = node.client.plan(SHORT).verdict.code in (Verdict.REACHED, Verdict.BUSY)
     node.close()
-    total = sum(sent.values())
-    print(f'flood of {seconds} s: {sent}, {total / seconds:.0f} a second; memory {memory / 2**20:.1f} MiB, at most '
-          f'{(highest - memory) / 2**20:+.1f}, afterwards {(after - memory) / 2**20:+.1f} MiB; meshes dropped '
-          f'{figures["meshes dropped"]}, calls refused {figures["calls refused as busy"]}; steps a second, median: {before[len(before) // 2] if before else 0:.0f} before, '
-          f'{during[len(during) // 2] if during else 0:.0f} during; the plan {"lived and " if alive else "DIED, "}'
-          f'{"was cancelled" if ended else "DID NOT END"}')
+    print(f'flood of {seconds} s: {sent} meshes, goals, cancels, {sum(sent) / seconds:.0f} a second; memory {memory / 2**20:.1f} MiB, '
+          f'at most {(highest - memory) / 2**20:+.2f}, afterwards {(after - memory) / 2**20:+.2f} MiB; a step '
+          f'{calm[0]:.2f} ms before, {flooded[0]:.2f} during, {flooded[0] / calm[0]:.2f} times (processor time {calm[1]:.3f} and '
+          f'{flooded[1]:.3f} ms, {flooded[1] / calm[1]:.2f} times); {", ".join(f"{k} {v}" for k, v in figures.items() if "dropped" in k or "refused" in k)}'
+          f'; the plan {"lived and " if alive else "DIED, "}{"was cancelled" if ended else "DID NOT END"}')
     dropped = int(figures['meshes dropped']) + int(figures['calls refused as busy'])
     return bool(alive and ended and served and dropped > 0 and highest - memory < 32 * 2**20)
 
@@ -313,26 +315,86 @@ def crowd(seconds=60, clients=64, **_):
     return not errors and not unknown and alive and code == 0
 
 
+COLUMNS = 'time_s', 'memory_bytes', 'handles', 'cpu_ms_a_step', 'cpu_ms_a_step_newborn', 'wall_ms_a_step', 'crossings'
+
+
 def plot(rows, folder):
-    """soak.csv and soak.svg: memory, handles and step time of every plan."""
+    """soak.svg: memory, handles and step time of the repeated plan."""
     import matplotlib
     matplotlib.use('Agg')
     from matplotlib import pyplot
-    os.makedirs(folder, exist_ok=True)
-    with open(os.path.join(folder, 'soak.csv'), 'w') as file:
-        file.write('time_s,memory_bytes,handles,step_ms,crossings\n')
-        file.writelines(','.join(f'{v:.9g}' for v in row) + '\n' for row in rows)
     _, axes = pyplot.subplots(3, 1, sharex=True, figsize=(8, 6))
-    for axis, at, scale, name in zip(axes, (1, 2, 3), (2**20, 1, 1), ('memory [MiB]', 'handles', 'step, median [ms]')):
-        axis.plot([r[0] / 60 for r in rows], [r[at] / scale for r in rows], '.', markersize=2)
+    minutes = [r[0] / 60 for r in rows]
+    axes[0].plot(minutes, [r[1] / 2**20 for r in rows], '.', markersize=2)
+    axes[1].plot(minutes, [r[2] for r in rows], '.', markersize=2)
+    axes[2].plot(minutes, [r[3] / r[4] for r in rows], '.', markersize=2)
+    for axis, name in zip(axes, ('memory [MiB]', 'handles', 'processor time of a step,\nnewborn process = 1')):
         axis.set_ylabel(name)
     axes[-1].set_xlabel('time [min]')
     pyplot.savefig(os.path.join(folder, 'soak.svg'))
 
 
+def median(values):
+    values = sorted(values)
+    return values[len(values) // 2] if values else float('nan')
+
+
+class Newborn:
+    """The same plan by the command, in a process that lives no longer: what the machine gives a step at that moment."""
+
+    def __init__(self, node):
+        program = roslib.packages.find_node('catnav', 'catnav')[0]
+        self.report = os.path.join(node.folder, 'newborn.json')
+        self.command = [program, 'run', os.path.join(node.folder, 'tube.yaml'), '--quiet', '--report', self.report,
+                        '--set', f'step={node.parameters["step"]}', '--set', 'bodies.0.waypoints=' + str([list(REPEATED[-1])])]
+
+    def cpu_a_step(self):
+        """[s]"""
+        child = subprocess.Popen(self.command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+        with open(self.report) as file:
+            return (used.ru_utime + used.ru_stime) / json.load(file)['steps']
+
+
+def lay_fork(node):
+    """fork.yaml into the node's folder: two ways that rejoin, for a rod that bends least on the longer one."""
+    from fork import fork
+    vertices, triangles = fork()
+    with open(os.path.join(node.folder, 'fork.obj'), 'w') as file:
+        file.writelines('v {:.9g} {:.9g} {:.9g}\n'.format(*v) for v in vertices)
+        file.writelines('f {} {} {}\n'.format(*(i + 1 for i in t)) for t in triangles)
+    with open(os.path.join(HERE, '../../test/ros/fork.yaml')) as scene, open(os.path.join(node.folder, 'fork.yaml'), 'w') as file:
+        file.write(scene.read().replace('tube.obj', 'fork.obj').replace('tet4', 'rod').replace('131', '66'))
+
+
+def soaked(rows, replans, alive):
+    """Says what the rows show; True where every promise was kept."""
+    settled = [r for r in rows if r[0] > min(600, rows[-1][0] / 3)]
+    third = len(rows) // 3
+    tenth = len(settled) // 10 + 1
+    growth, handles = (median(r[i] for r in settled[-tenth:]) - median(r[i] for r in settled[:tenth]) for i in (1, 2))
+    most = max(r[1] for r in settled) - settled[0][1]
+    # of each third the tenth percentile: what a step takes where nobody else disturbs it
+    least = [[sorted(r[i] for r in part)[len(part) // 10] for part in (rows[:third], rows[-third:])] for i in (3, 4, 5)]
+    own, newborn, wall = (100 * (last / first - 1) for first, last in least)
+    drift = own - newborn
+    crossings = sum(r[6] for r in rows)
+    print(f'soak, {rows[-1][0]:.0f} s: {len(rows)} times the same plan, {replans} replans; after 10 minutes memory {growth / 2**20:+.2f} MiB '
+          f'(at most {most / 2**20:+.2f}), handles {handles:+d}; processor time of a step, last third to first: {own:+.1f} % '
+          f'({newborn:+.1f} % in newborn processes), drift {drift:+.1f} %, by the wall clock {wall:+.1f} %; crossings {crossings}', flush=True)
+    return alive and growth < 2**20 and handles <= 0 and drift < 5 and crossings == 0 and replans > 0
+
+
 def soak(seconds=7200, out=None, **_):
-    node = Node()
-    dice, start, rows = random.Random(1), time.monotonic(), []
+    node = Node(step=1e-3)
+    lay_fork(node)
+    newborn = Newborn(node)
+    dice, start, told, rows, replans, same = random.Random(1), time.monotonic(), time.monotonic(), [], 0, None
+    folder = out or tempfile.mkdtemp(prefix='catnav_soak_')
+    os.makedirs(folder, exist_ok=True)
+    log = open(os.path.join(folder, 'soak.csv'), 'w', buffering=1)
+    print(*COLUMNS, sep=',', file=log)
     while time.monotonic() - start < seconds:
         what = dice.random()
         if what < 0.2:
@@ -343,25 +405,34 @@ def soak(seconds=7200, out=None, **_):
                 print('a cancel was not answered')
                 return False
         elif what < 0.3:
-            node.client.plan(SHORT, sampling='guess')
+            if node.client.plan(SHORT, sampling='guess').verdict.code != Verdict.BAD_INPUT:
+                print('a bad request was not refused')
+                return False
+        elif what < 0.35:
+            replans += node.client.plan(THROUGH_FORK, scene='fork.yaml', limits=[Limit('', 'stress', 'max', 4e4)]).replans
+        elif what < 0.8:
+            node.client.plan([(0, 0, 0.01), (0, 0, dice.uniform(0.012, 0.03))], seed=dice.randrange(1000))
         else:
-            answer = node.client.plan([(0, 0, 0.01), (0, 0, dice.uniform(0.012, 0.02))], seed=dice.randrange(1000))
+            expected = newborn.cpu_a_step()
+            worked, begun = node.worked(), time.monotonic()
+            answer = node.client.plan(REPEATED)
+            worked, took = node.worked() - worked, time.monotonic() - begun
             report = json.loads(answer.report_json)
-            if answer.verdict.code == Verdict.REACHED:
-                rows.append((time.monotonic() - start, node.memory(), node.handles(), report['time']['step_ms']['median'],
-                             report['contact']['intersections'] + report['contact']['outside_nodes']))
+            same = same or report['bodies']
+            if answer.verdict.code != Verdict.REACHED or report['bodies'] != same:
+                print('the same request had another answer:', answer.verdict.message)
+                return False
+            contact = report['contact']
+            rows.append((time.monotonic() - start, node.memory(), node.handles(), 1e3 * worked / report['steps'], 1e3 * expected,
+                         1e3 * took / report['steps'], contact['intersections'] + contact['outside_nodes']))
+            print(*(f'{v:.9g}' for v in rows[-1]), sep=',', file=log)
+        if time.monotonic() - told > 600 and len(rows) > 9:
+            soaked(rows, replans, True)
+            told = time.monotonic()
     alive = node.process.poll() is None
     node.close()
-    third = len(rows) // 3
-    middle = [sorted(r[3] for r in part)[len(part) // 2] for part in (rows[third:2 * third], rows[2 * third:])]
-    print(f'soak of {seconds} s: {len(rows)} plans; from a third on memory {(rows[-1][1] - rows[third][1]) / 2**20:+.2f} MiB, '
-          f'handles {rows[-1][2] - rows[third][2]:+d}, step {100 * (middle[1] / middle[0] - 1):+.1f} %; crossings '
-          f'{sum(r[4] for r in rows)}')
-    if out:
-        plot(rows, out)
-    settled = [r for r in rows if r[0] > min(600, seconds / 3)]
-    growth = (settled[-1][1] - settled[0][1]) / 2**20
-    return alive and growth < 1 and settled[-1][2] <= settled[0][2] and sum(r[4] for r in rows) == 0
+    plot(rows, folder)
+    return soaked(rows, replans, alive)
 
 
 def master():
