@@ -29,6 +29,7 @@ typedef struct {
     struct cn_tree *cap_tree; /* over caps, NULL if none */
     bool half_space;          /* a plane: what lies behind it is not free either */
     double plane[6];          /* its point and unit normal */
+    double middle[3];         /* of the surface's box */
     cn_doctor doctor;
 } cn_wall;
 
@@ -61,9 +62,11 @@ cn_status cn_world_new(cn_world **out, const cn_scene *scene, int nreplacement,
 void cn_world_free(cn_world *world);
 
 /* A rigid obstacle that goes along a path: its box's centre goes from where it is through the waypoints, at
- * their speed, and stays at the last. shift [m]: from the surface as it is at t = 0. */
+ * their speed, and stays at the last. shift [m]: from the surface as it is at t = 0. What follows here knows
+ * only walls that rest: no free place, distance or map depends on where one that moves begins. */
 bool cn_wall_moves(const cn_wall *wall);
 void cn_wall_shift(const cn_wall *wall, double time, double shift[3]);
+double cn_wall_arrives(const cn_wall *wall); /* time from which on it rests [s] */
 
 /* Makes the map for a device of this radius (cell: scene's planner.resolution, or auto: a fraction of the
  * radius, at most 0.25 mm for a vessel of the demo's size). At most `threads` threads; same result for any.

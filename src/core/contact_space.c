@@ -113,7 +113,7 @@ void cn_contact_space_at(const cn_contact_model *model, cn_contact *contact, con
         const cn_contact_surface *surface = &model->surface[wall->surface];
         const double *now = x + 3 * (size_t)surface->first;
         if (surface->moving) cn_sub(now, surface->rest, wall->shift);
-        for (int i = 0; i < (wall->deforms ? surface->npoint : surface->moving ? 1 : 0); i++)
+        for (int i = 0; wall->deforms && i < surface->npoint; i++)
             most = fmax(most, cn_distance(now + 3 * i, surface->rest + 3 * i));
         if (!wall->caps) continue;
         const cn_wall *given = &model->world->wall[w];
@@ -162,6 +162,10 @@ bool cn_contact_is_free(const cn_contact_model *model, const cn_contact *contact
     if (!isfinite(cn_norm2(p))) return false;
     for (int w = 0; w < world->nwall; w++)
         if (behind(&world->wall[w], &space->wall[w], p)) return false;
+    for (int w = world->nvessel; w < world->nwall; w++) /* the map knows nothing of what goes along a path */
+        if (model->surface[space->wall[w].surface].moving && world->wall[w].closed &&
+            inside(space, world, w, p))
+            return false;
     if (world->map && cn_map_clearance(world->map, p) > space->most) return true;
     bool in = world->nvessel == 0;
     for (int w = 0; w < world->nvessel && !in; w++)

@@ -39,7 +39,7 @@ double cn_drive_aim(const cn_model_body *body, const cn_body_state *state, const
 {
     const int next = state->waypoint < path->nwaypoint ? state->waypoint : path->nwaypoint - 1;
     const double s = path->s[path->waypoint[next]], end = cn_path_length(path);
-    return state->s_goal > s + body->spec->waypoint_tolerance ? s : end;
+    return fmin(state->until, state->s_goal > s + body->spec->waypoint_tolerance ? s : end);
 }
 
 /* Unit vector from the place s on the path to the milestone a lookahead farther, and the share of the full

@@ -25,6 +25,7 @@ static cn_status walls_new(cn_map_walls *walls, const cn_map *map, const cn_worl
     if (!(walls->tri = malloc((room + 1) * sizeof *walls->tri))) return CN_ERR_MEMORY;
     for (int w = 0; w < world->nwall; w++) {
         const cn_surface *surface = world->wall[w].surface;
+        if (cn_wall_moves(&world->wall[w])) continue;
         for (int t = 0; t < surface->ntri; t++) {
             double *tri = walls->tri[walls->ntri++];
             for (int c = 0; c < 3; c++)

@@ -220,7 +220,9 @@ static void scan_slab(void *user, int islab)
     for (int i = 0; i < j->map->ncap; i++)
         if (!scan_corridor(j, s, islab, i)) goto done;
     for (int i = 0; i < j->world->nwall; i++)
-        if (j->world->wall[i].half_space && !scan_half_space(j, s, islab, i)) goto done;
+        if (j->world->wall[i].half_space && !cn_wall_moves(&j->world->wall[i]) &&
+            !scan_half_space(j, s, islab, i))
+            goto done;
     if (s->ncrossing) qsort(s->crossing, (size_t)s->ncrossing, sizeof *s->crossing, by_place);
     for (int i = 0, row = 0; row < rows; row++) {
         int end = i;
@@ -284,7 +286,7 @@ static cn_status list_faces(job *j)
     for (int w = 0, icap = 0; w < world->nwall; w++) {
         const cn_wall *wall = world->wall + w;
         const cn_surface *part[2] = {wall->surface, wall->caps};
-        if (!wall->vessel && !wall->closed) continue;
+        if ((!wall->vessel && !wall->closed) || cn_wall_moves(wall)) continue;
         for (int p = 0; p < 2 && part[p]; p++)
             for (int t = 0; t < part[p]->ntri; t++) {
                 face *f = j->face + j->nface++;

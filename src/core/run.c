@@ -101,6 +101,16 @@ static cn_status no_equilibrium(cn_run_data *run)
     return CN_OK;
 }
 
+/* What a body keeps between itself and moving obstacles: where contact begins, and its least clearance. */
+static double keep_clear(const cn_run_data *run, int b)
+{
+    double keep = run->model->body[b].gap;
+    for (int i = 0; i < run->spec[b].nlimit; i++)
+        if (run->spec[b].limit[i].quantity == CN_QUANTITY_CLEARANCE)
+            keep = fmax(keep, run->spec[b].limit[i].limit);
+    return keep;
+}
+
 static cn_status prepare(cn_run_data *run)
 {
     cn_status status;
@@ -160,6 +170,10 @@ static cn_status prepare(cn_run_data *run)
         if (!run->body[b].von_mises || !run->body[b].turn || !run->body[b].points || !run->body[b].measured)
             return CN_ERR_MEMORY;
         run->body[b].measured[0] = NAN; /* nowhere */
+        run->body[b].looked = -1;
+        if (run->body[b].path && (status = cn_avoid_new(&run->body[b].avoid, run->world, &run->model->body[b],
+                                                        keep_clear(run, b))) != CN_OK)
+            return status;
         cn_drive_progress(&run->model->body[b], &run->state->body[b], run->body[b].path);
         run->state->body[b].progress = -INFINITY;
     }
@@ -316,15 +330,14 @@ static void numerics(cn_run_data *run, int b, cn_status status)
 }
 
 /* A limit broke: back to a checkpoint on another way, or the verdict. */
-static bool go_another_way(cn_run_data *run, int b, const cn_verdict *broken)
+static bool go_another_way(cn_run_data *run, int b, const cn_ball *refused, const cn_verdict *broken)
 {
     cn_report *report = run->report;
     char why[128] = "";
-    report->rejected_steps++;
     if (run->body[b].path && report->replans < run->scene->planner.replans) {
         stage(run, CN_STAGE_PLAN, 0);
         run->error = (cn_error){0};
-        const cn_status status = cn_run_replan(run, b);
+        const cn_status status = cn_run_replan(run, b, refused);
         if (status == CN_OK) {
             report->replans++;
             cn_run_forget_shots(run);
@@ -399,6 +412,16 @@ static void drive_on(cn_run_data *run)
         const double start = cn_seconds();
         cn_step_figures figures = {.gap = INFINITY};
         if (cancelled(run)) return at_cancel(run);
+        cn_ball ahead;
+        cn_status looked = CN_OK;
+        int yielding = 0;
+        while (yielding < run->nbody && cn_run_yield(run, yielding, &ahead, &broken, &looked))
+            yielding++;
+        if (looked != CN_OK) return refuse(run, looked);
+        if (yielding < run->nbody) {
+            if (!go_another_way(run, yielding, &ahead, &broken)) return;
+            continue;
+        }
         const int rejected = run->report->rejected_steps;
         int newton = 0;
         cn_state_copy(run->trial, run->state);
@@ -427,15 +450,17 @@ static void drive_on(cn_run_data *run)
             }
         }
         if (broken_body >= 0) {
-            if (!go_another_way(run, broken_body, &broken)) return;
+            const cn_ball here = cn_run_broken_at(run, broken_body);
+            run->report->rejected_steps++;
+            if (!go_another_way(run, broken_body, &here, &broken)) return;
             continue;
         }
         cn_state *accepted = run->trial;
         run->trial = run->state, run->state = accepted;
         run->report->steps++, run->newton += newton;
-        const double looked = cn_seconds();
+        const double watched = cn_seconds();
         cn_run_watch(run);
-        figures.collision_s += cn_seconds() - looked;
+        figures.collision_s += cn_seconds() - watched;
         if (cn_run_sample(run, &figures, cn_seconds() - start) != CN_OK) {
             cn_run_verdict(run, CN_VERDICT_NUMERICS, "out of memory at step %d", run->state->step);
             return;
@@ -475,6 +500,7 @@ static void clear(cn_run_data *run)
             cn_state_free(body->checkpoint[i].state);
         free(body->vertex_s), free(body->refused);
         free(body->von_mises), free(body->measured), free(body->turn), free(body->points);
+        cn_avoid_free(body->avoid);
         cn_run_skin_clear(body);
     }
     free(run->body);

@@ -85,7 +85,7 @@ static bool jammed(cn_run_data *run, int b, cn_state *trial, cn_verdict *broken)
     cn_body_state *state = &trial->body[b];
     const double least = 0.1 * run->spec[b].waypoint_tolerance;
     if (!run->body[b].path || cn_drive_arrived(&run->model->body[b], state)) return false;
-    if (cn_push_busy(&run->model->body[b], state)) { /* counted anew when it goes on */
+    if (cn_push_busy(&run->model->body[b], state) || state->until < INFINITY) { /* anew when it goes on */
         state->progress = -INFINITY, state->progress_time = trial->time;
         return false;
     }

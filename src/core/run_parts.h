@@ -3,6 +3,7 @@
 #define CN_RUN_PARTS_H
 
 #include "catnav/run.h"
+#include "plan_avoid.h"
 #include "sim.h"
 
 enum { CN_CHECKPOINTS = 64 };
@@ -32,6 +33,8 @@ typedef struct {
     int nrefused;
     cn_ball *refused;
     int refused_capacity;
+    cn_avoid *avoid; /* NULL: no obstacle moves */
+    int looked;      /* step at which its way past them was last looked at, -1: not on this path */
 } cn_run_body;
 
 /* A step as it was taken, kept to be repeated with what was left out. */
@@ -134,8 +137,13 @@ void cn_run_no_start(cn_run_data *run, int body, double depth, const double wher
 
 /* run_plan.c */
 cn_status cn_run_plan_body(cn_run_data *run, int body);
-/* Refuses the place where a limit broke and plans anew; CN_ERR_NO_PATH when nothing else leads on. */
-cn_status cn_run_replan(cn_run_data *run, int body);
+/* Refuses a ball and plans anew; CN_ERR_NO_PATH when nothing else leads on. */
+cn_status cn_run_replan(cn_run_data *run, int body, const cn_ball *refused);
+/* The ball where a limit broke: at the goal's place on its path, with the clearance there. */
+cn_ball cn_run_broken_at(const cn_run_data *run, int body);
+/* Before a step, past moving obstacles: whether the body may go on, waits or turns back. False: none of it
+ * keeps clear of them on this path; the ball to refuse, and the verdict where nothing else leads on. */
+bool cn_run_yield(cn_run_data *run, int body, cn_ball *refused, cn_verdict *broken, cn_status *status);
 void cn_run_checkpoint(cn_run_data *run, int body);
 
 /* run_limits.c: measures the trial state; true when a limit is broken, with the verdict filled. */

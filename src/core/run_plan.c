@@ -2,6 +2,7 @@
 #include "run_parts.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
@@ -76,7 +77,14 @@ static cn_status roadmap_lengths(cn_run_body *body)
     return CN_OK;
 }
 
-/* Without walls nothing is in the way: straight from point to point. */
+static bool nothing_rests(const cn_world *world)
+{
+    for (int w = 0; w < world->nwall; w++)
+        if (!cn_wall_moves(&world->wall[w])) return false;
+    return true;
+}
+
+/* Without walls that rest nothing is in the way: straight from point to point. */
 static cn_status straight_path(cn_path **out, int npoint, const double *point)
 {
     enum { PIECES = 32 };
@@ -154,9 +162,10 @@ cn_status cn_run_plan_body(cn_run_data *run, int b)
 
     const double start = cn_seconds();
     roadmap.reproducible = true;
-    status = run->world->nwall == 0 ? straight_path(&path, query.npoint, point)
-                                    : cn_plan_path(&path, &query, run->planner, &roadmap, &run->error);
-    if (status == CN_OK && run->world->nwall > 0 && catheter &&
+    const bool open = nothing_rests(run->world) && query.nrefused == 0;
+    status = open ? straight_path(&path, query.npoint, point)
+                  : cn_plan_path(&path, &query, run->planner, &roadmap, &run->error);
+    if (status == CN_OK && !open && catheter &&
         !directed) { /* a straight start: along the chord of the first stretch */
         double *direction = spec->shape.catheter.direction;
         cn_place ahead;
@@ -244,36 +253,78 @@ static double parting(const cn_path *old, const cn_path *new, double near)
     return cn_path_length(old);
 }
 
-/* The ball at the goal's place on the path, with the clearance there. A break beside an earlier one doubles
- * its ball: near-copies of a bad edge are not tried one by one. Start and waypoints stay out of it, so that
- * ways elsewhere remain. */
-static void add_refused(cn_run_data *run, int b, const double *goal)
+cn_ball cn_run_broken_at(const cn_run_data *run, int b)
+{
+    const cn_path *path = run->body[b].path;
+    const cn_model_body *model = &run->model->body[b];
+    const double *goal = run->state->body[b].x + 3 * model->goal_node;
+    cn_ball ball = {.radius = 0};
+    cn_place here;
+    if (!path) return ball;
+    cn_path_at(path, cn_path_project(path, goal, 0, cn_path_length(path)), &here);
+    cn_copy3(here.x, ball.centre);
+    ball.radius = fmax(cn_world_distance(run->world, here.x, NULL, NULL, NULL), 0.5 * model->diameter);
+    return ball;
+}
+
+/* A break beside an earlier one doubles its ball: near-copies of a bad edge are not tried one by one. Start
+ * and waypoints stay out of it, so that ways elsewhere remain. */
+static void add_refused(cn_run_data *run, int b, const cn_ball *refused)
 {
     cn_run_body *body = &run->body[b];
     const cn_body_spec *spec = &run->spec[b];
     double start[3];
-    cn_place here;
+    cn_ball ball = *refused;
     start_point(run, b, start);
-    cn_path_at(body->path, cn_path_project(body->path, goal, 0, cn_path_length(body->path)), &here);
-    double radius =
-        fmax(cn_world_distance(run->world, here.x, NULL, NULL, NULL), 0.5 * run->model->body[b].diameter);
     for (int i = 0; i < body->nrefused; i++)
-        if (cn_distance(body->refused[i].centre, here.x) < 2 * body->refused[i].radius)
-            radius = fmax(radius, 2 * body->refused[i].radius);
+        if (cn_distance(body->refused[i].centre, ball.centre) < 2 * body->refused[i].radius)
+            ball.radius = fmax(ball.radius, 2 * body->refused[i].radius);
     for (int i = -1; i < spec->nwaypoint; i++) {
-        const double away = cn_distance(i < 0 ? start : spec->waypoint + 3 * i, here.x);
-        if (away > 0) radius = fmin(radius, 0.9 * away);
+        const double away = cn_distance(i < 0 ? start : spec->waypoint + 3 * i, ball.centre);
+        if (away > 0) ball.radius = fmin(ball.radius, 0.9 * away);
     }
-    cn_ball *ball = &body->refused[body->nrefused++];
-    cn_copy3(here.x, ball->centre);
-    ball->radius = radius;
+    body->refused[body->nrefused++] = ball;
 }
 
-cn_status cn_run_replan(cn_run_data *run, int b)
+bool cn_run_yield(cn_run_data *run, int b, cn_ball *refused, cn_verdict *broken, cn_status *status)
+{
+    cn_run_body *body = &run->body[b];
+    cn_body_state *state = &run->state->body[b];
+    cn_meeting meeting;
+    *status = CN_OK;
+    if (!body->avoid || !body->path) return true;
+    const int every = (int)fmax(1, floor(cn_avoid_tick(body->avoid) / run->model->dt));
+    if (body->looked >= 0 && run->state->step >= body->looked && run->state->step < body->looked + every)
+        return true;
+    body->looked = run->state->step;
+    *status = cn_avoid_look(body->avoid, state, body->path, run->state->time, &state->until, &meeting);
+    if (*status != CN_ERR_NO_PATH) return *status == CN_OK;
+    *status = CN_OK;
+    if (cn_drive_arrived(&run->model->body[b], state)) return true;
+    *refused = meeting.ball;
+    *broken = (cn_verdict){.code = CN_VERDICT_LIMIT_BROKEN,
+                           .has_quantity = true,
+                           .quantity = CN_QUANTITY_CLEARANCE,
+                           .value = meeting.distance,
+                           .limit = meeting.least,
+                           .element = -1,
+                           .step = run->state->step,
+                           .time = run->state->time,
+                           .waypoint = cn_run_waypoint(run, run->state, b)};
+    cn_copy3(meeting.x, broken->position);
+    snprintf(broken->body, sizeof broken->body, "%s", run->spec[b].name);
+    snprintf(broken->message, sizeof broken->message,
+             "%s comes as near to %s as %.4g m, limit %.4g m, at [%.4f %.4f %.4f] m, t = %.3f s, whether it "
+             "goes on, waits or turns back on its path at t = %.3f s",
+             run->world->wall[meeting.wall].name, broken->body, meeting.distance, meeting.least, meeting.x[0],
+             meeting.x[1], meeting.x[2], meeting.time, run->state->time);
+    return false;
+}
+
+cn_status cn_run_replan(cn_run_data *run, int b, const cn_ball *refused)
 {
     cn_run_body *body = &run->body[b];
     const cn_model_body *model = &run->model->body[b];
-    const double *goal = run->state->body[b].x + 3 * model->goal_node;
     cn_path *old = NULL;
     cn_status status;
 
@@ -285,7 +336,8 @@ cn_status cn_run_replan(cn_run_data *run, int b)
         if (!more) return CN_ERR_MEMORY;
         body->refused = more, body->refused_capacity = capacity;
     }
-    add_refused(run, b, goal);
+    add_refused(run, b, refused);
+    body->looked = -1;
     if ((status = cn_path_copy(&old, body->path)) != CN_OK) return status;
     if ((status = cn_run_plan_body(run, b)) == CN_OK) {
         const double s = parting(old, body->path, fmax(model->diameter, 4 * cn_map_cell(run->world->map)));

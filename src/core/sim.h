@@ -91,6 +91,7 @@ typedef struct {
     double inserted;  /* base advance: tip past the entry, along the material [m] */
     double s_goal;    /* arc length of the goal node on the path [m] */
     int waypoint;     /* next one to reach */
+    double until;     /* arc length beyond which it is not to go now: a moving obstacle; INFINITY: none [m] */
     double progress;  /* farthest s_goal at `progress_time` [m], [s] */
     double progress_time;
     double twist; /* base turn about `direction` [rad] */
@@ -203,7 +204,7 @@ double cn_drive_add(const cn_drive *drive, int nfree, const double *x, double *f
 void cn_drive_progress(const cn_model_body *body, cn_body_state *state, const cn_path *path);
 bool cn_drive_arrived(const cn_model_body *body, const cn_body_state *state);
 /* Over which distance a drive slows down; the arc length at which it aims: the last waypoint, but no farther
- * past the next one than its tolerance allows while that is not reached. */
+ * past the next one than its tolerance allows while that is not reached, nor than a moving obstacle lets. */
 double cn_drive_lookahead(const cn_model_body *body);
 double cn_drive_aim(const cn_model_body *body, const cn_body_state *state, const cn_path *path);
 

@@ -42,7 +42,7 @@ static void start_body(const cn_model_body *body, cn_body_state *state)
     memcpy(state->x, body->start ? body->start : b->rest, 3 * (size_t)b->nnode * sizeof *state->x);
     cn_body_rotation_start(b, state->rotation);
     if (body->start && spec->model == CN_BODY_ROD) cn_rod_follow(b, state->x, state->rotation);
-    state->nfree = b->nnode;
+    state->nfree = b->nnode, state->until = INFINITY;
     state->push = (cn_push){.mark = -INFINITY, .best = -INFINITY, .margin = 1};
     if (body->catheter) state->inserted = spec->shape.catheter.inserted;
     if (body->sheath) state->nfree = cn_sheath_out(body, state->inserted);

@@ -108,6 +108,11 @@ static cn_status wall_make(cn_wall *wall, const cn_surface_spec *spec, bool vess
                        wall->doctor.volume);
     if (vessel && !wall->closed && (status = cn_wall_cap(wall)) != CN_OK) return status;
     const cn_surface *surface = wall->surface;
+    double min[3] = {INFINITY, INFINITY, INFINITY}, max[3] = {-INFINITY, -INFINITY, -INFINITY};
+    for (int v = 0; v < surface->nvert; v++)
+        grow(min, max, surface->vert + 3 * (size_t)v, 0);
+    for (int k = 0; k < 3; k++)
+        wall->middle[k] = 0.5 * (min[k] + max[k]);
     return cn_tree_new(&wall->tree, surface->ntri, surface->tri, surface->vert);
 }
 
@@ -222,8 +227,14 @@ cn_status cn_world_new(cn_world **out, const cn_scene *scene, int nreplacement,
                                     error)) != CN_OK)
                 goto done;
             const cn_surface *surface = world->wall[i].surface;
-            for (int v = 0; v < surface->nvert && !planes; v++)
-                grow(world->min, world->max, surface->vert + 3 * (size_t)v, 0);
+            double radius = 0;
+            for (int v = 0; v < surface->nvert && !planes; v++) {
+                const double *p = surface->vert + 3 * (size_t)v;
+                grow(world->min, world->max, p, 0);
+                radius = fmax(radius, cn_distance(p, world->wall[i].middle));
+            }
+            for (int p = 0; p < spec->npath && !planes; p++)
+                grow(world->min, world->max, spec->path + 3 * p, radius);
         }
     }
     for (int k = 0; k < 3; k++)

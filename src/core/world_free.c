@@ -11,7 +11,7 @@ static bool behind_plane(const cn_world *world, const double p[3])
     for (int i = world->nvessel; i < world->nwall; i++) {
         const cn_wall *wall = world->wall + i;
         double d[3];
-        if (!wall->half_space) continue;
+        if (!wall->half_space || cn_wall_moves(wall)) continue;
         cn_sub(p, wall->plane, d);
         if (!(cn_dot(d, wall->plane + 3) > 0)) return true;
     }
@@ -28,7 +28,9 @@ bool cn_world_free_at(const cn_world *world, const double p[3])
     }
     if (!inside || behind_plane(world, p)) return false;
     for (int i = world->nvessel; i < world->nwall; i++)
-        if (world->wall[i].closed && cn_tree_inside(world->wall[i].tree, NULL, p)) return false;
+        if (world->wall[i].closed && !cn_wall_moves(&world->wall[i]) &&
+            cn_tree_inside(world->wall[i].tree, NULL, p))
+            return false;
     return true;
 }
 
@@ -39,6 +41,7 @@ double cn_world_distance(const cn_world *world, const double p[3], int *iwall, i
     if (itri) *itri = -1;
     for (int i = 0; i < world->nwall; i++) {
         int tri;
+        if (cn_wall_moves(&world->wall[i])) continue;
         const double d = cn_tree_nearest(world->wall[i].tree, p, best, &tri, at);
         if (tri < 0 || !(d < best)) continue;
         best = d;
@@ -69,7 +72,9 @@ static bool joined(const cn_world *world, const double p[3], const double centre
 {
     for (int i = 0; i < world->nwall; i++) {
         const cn_wall *wall = world->wall + i;
-        if ((wall->vessel || wall->closed) && (cn_tree_crossings(wall->tree, p, centre) & 1)) return false;
+        if ((wall->vessel || wall->closed) && !cn_wall_moves(wall) &&
+            (cn_tree_crossings(wall->tree, p, centre) & 1))
+            return false;
     }
     return true;
 }

@@ -9,17 +9,20 @@ bool cn_wall_moves(const cn_wall *wall)
     return wall->spec && wall->spec->npath > 0;
 }
 
+double cn_wall_arrives(const cn_wall *wall)
+{
+    const double *from = wall->middle;
+    double way = 0;
+    if (!cn_wall_moves(wall)) return 0;
+    for (int i = 0; i < wall->spec->npath; from = wall->spec->path + 3 * i++)
+        way += cn_distance(from, wall->spec->path + 3 * i);
+    return way / wall->spec->path_speed;
+}
+
 void cn_wall_shift(const cn_wall *wall, double time, double shift[3])
 {
-    double min[3] = {INFINITY, INFINITY, INFINITY}, max[3] = {-INFINITY, -INFINITY, -INFINITY}, at[3];
-    const cn_surface *surface = wall->surface;
-    for (int i = 0; i < 3 * surface->nvert; i++) {
-        min[i % 3] = fmin(min[i % 3], surface->vert[i]);
-        max[i % 3] = fmax(max[i % 3], surface->vert[i]);
-    }
-    for (int k = 0; k < 3; k++)
-        at[k] = 0.5 * (min[k] + max[k]), shift[k] = -at[k];
-    double left = fmax(0, time) * (wall->spec ? wall->spec->path_speed : 0);
+    double at[3], left = fmax(0, time) * (wall->spec ? wall->spec->path_speed : 0);
+    cn_copy3(wall->middle, at);
     for (int i = 0; cn_wall_moves(wall) && i < wall->spec->npath; i++) {
         const double *to = wall->spec->path + 3 * i, way = cn_distance(at, to);
         if (way > left) {
@@ -29,6 +32,5 @@ void cn_wall_shift(const cn_wall *wall, double time, double shift[3])
         }
         cn_copy3(to, at), left -= way;
     }
-    for (int k = 0; k < 3; k++)
-        shift[k] += at[k];
+    cn_sub(at, wall->middle, shift);
 }
