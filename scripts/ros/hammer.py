@@ -44,6 +44,7 @@ ROUTE = [(0, 0, 0.01), (0, 0, 0.06)]
 SHORT = [(0, 0, 0.01), (0, 0, 0.014)]
 THROUGH_FORK = [(0, 0, 0.005), (0, 0, 0.19)]
 REPEATED = [(0, 0, 0.01), (0, 0, 0.04)]
+LONG = 60  # [s] or times: short forms are judged by what does not depend on a shared machine
 WAIT = 120  # [s]: what takes longer never comes
 
 
@@ -196,7 +197,7 @@ def kill(times=200, **_):
     node.close()
     print(f'SIGKILL: {times} times, back with its mesh after {sorted(back)[times // 2]:.2f} s (median), {max(back):.2f} s '
           f'at most; wrong: {wrong or "nothing"}')
-    return not wrong
+    return not wrong and (times < LONG or max(back) <= 2)
 
 
 class Window:
@@ -246,10 +247,11 @@ def flood(seconds=60, **_):
     print(f'flood of {seconds} s: {sent} meshes, goals, cancels, {sum(sent) / seconds:.0f} a second; memory {memory / 2**20:.1f} MiB, '
           f'at most {(highest - memory) / 2**20:+.2f}, afterwards {(after - memory) / 2**20:+.2f} MiB; a step '
           f'{calm[0]:.2f} ms before, {flooded[0]:.2f} during, {flooded[0] / calm[0]:.2f} times (processor time {calm[1]:.3f} and '
-          f'{flooded[1]:.3f} ms, {flooded[1] / calm[1]:.2f} times); {", ".join(f"{k} {v}" for k, v in figures.items() if "dropped" in k or "refused" in k)}'
+          f'{flooded[1]:.3f} ms, {flooded[1] / calm[1]:.2f} times); {", ".join(f"{k} {v}" for k, v in figures.items() if "messages" in k or "refused" in k)}'
           f'; the plan {"lived and " if alive else "DIED, "}{"was cancelled" if ended else "DID NOT END"}')
-    dropped = int(figures['meshes dropped']) + int(figures['calls refused as busy'])
-    return bool(alive and ended and served and dropped > 0 and highest - memory < 32 * 2**20)
+    growth, slower = highest - memory, flooded[0] / calm[0]
+    return bool(alive and ended and served and int(figures['messages dropped']) > 0 and growth < 32 * 2**20 and
+                (seconds < LONG or (growth <= 2**20 and slower <= 2)))
 
 
 def crowd(seconds=60, clients=64, **_):

@@ -116,7 +116,7 @@ cn_status cn_node_new(cn_node **out, int argc, char **argv, const volatile sig_a
     return CN_OK;
 fail:
     cn_node_free(node);
-    return status;
+    return error->status == status ? status : cn_fail(error, status, "", 0, "%s", cn_status_text(status));
 }
 
 void cn_node_run(cn_node *node)

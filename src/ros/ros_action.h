@@ -1,12 +1,30 @@
 // ros_action.h - the action's server: actionlib's rules for goals, with a status list that stays short.
 #pragma once
 
+#include <algorithm>
 #include <actionlib/server/action_server_base.h>
 #include <catnav/PlanCatheterAction.h>
 #include <ros/ros.h>
 
 namespace catnav
 {
+// Lets its thread pass so often a second, and `burst` times at once where it was not called for a while.
+class Pace
+{
+  public:
+    Pace(double rate, double burst) : between_(1 / rate), stock_(burst / rate) {}
+    void keep()
+    {
+        const double now = ros::WallTime::now().toSec();
+        next_ = std::max(next_, now - stock_) + between_;
+        if (next_ > now) ros::WallDuration(next_ - now).sleep();
+    }
+
+  private:
+    const double between_, stock_; // [s]
+    double next_ = 0;
+};
+
 // Where actionlib::ActionServer keeps the cancels of goals that never come for ever, and sends the whole list
 // at every change, this one forgets and waits: so that a flood of goals and cancels costs what a few do. A
 // goal whose cancel overtook it is answered with a verdict too.
@@ -23,8 +41,9 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
     }
 
   private:
-    static constexpr size_t kept = 256;         // ended goals in the status list at most
-    static constexpr double between = 0.01;     // [s]: two status messages
+    static constexpr double rate = 200;         // [1/s]: goals looked at; more than that waits, then drops
+    static constexpr size_t kept = 512;         // ended goals in the status list at most: two seconds' worth
+    static constexpr double between = 0.02;     // [s]: two status messages
     static constexpr double status_rate = 10.0; // [1/s]
 
     void initialize() override
@@ -39,8 +58,11 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
                 told_ = ros::WallTime();
                 if (started_) publishStatus();
             });
-        goal_ = node_.subscribe<PlanCatheterActionGoal>(
-            "goal", 64, [this](const PlanCatheterActionGoal::ConstPtr &m) { goalCallback(m); });
+        goal_ = node_.subscribe<PlanCatheterActionGoal>("goal", 64,
+                                                        [this](const PlanCatheterActionGoal::ConstPtr &m) {
+                                                            pace_.keep();
+                                                            goalCallback(m);
+                                                        });
         cancel_ = node_.subscribe<actionlib_msgs::GoalID>(
             "cancel", 64, [this](const actionlib_msgs::GoalID::ConstPtr &m) { onCancel(m); });
     }
@@ -64,6 +86,7 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
         size_t many = status_list_.size() > kept ? status_list_.size() - kept : 0;
         for (auto i = status_list_.begin(); i != status_list_.end();) {
             const bool ended = i->handle_tracker_.expired() && !i->handle_destruction_time_.isZero();
+            if (ended) i->goal_.reset();
             if (!ended || (!many && i->handle_destruction_time_ + status_list_timeout_ >= now)) {
                 ++i;
                 continue;
@@ -114,6 +137,7 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
         status_.publish(message);
     }
 
+    Pace pace_{rate, 64};
     ros::NodeHandle node_;
     ros::Publisher result_, feedback_, status_;
     ros::Subscriber goal_, cancel_;

@@ -15,7 +15,7 @@ const cn_ros_handlers *fake_handlers(void);
 volatile sig_atomic_t *fake_stop(void);
 
 void fake_mesh(size_t size, const uint8_t *bytes); /* copied */
-/* A mesh as it would come over the wire; free() it. */
+/* A mesh as it would come over the wire; free() it. NULL without memory, and what has none is not sent. */
 uint8_t *fake_wire(const char *frame, const char *name, int nvert, const double *vert, int ntri,
                    const int *tri, size_t *size);
 void fake_tube(double length, double radius); /* sends a closed tube along z from the origin, in frame map */

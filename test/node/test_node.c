@@ -1,5 +1,5 @@
-/* The node's C without ROS: calls, cancels and hostile requests from many threads, every call answered once.
- */
+/* The node's C without ROS: calls, cancels and hostile requests from many threads, every call answered once;
+ * the same where an allocation fails. CATNAV_EVERY_ALLOCATION: each of them in turn, not one in 61. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,6 +12,7 @@
 #include <math.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include "fail_alloc.h"
 #include "fake_ros.h"
 
 static char folder[64], scene_file[128];
@@ -262,6 +263,58 @@ static void test_a_bad_mesh_message_is_refused_and_the_mesh_before_it_stays(void
     assert_string_equal(fake_wrong(), "");
 }
 
+/* --- without memory --- */
+
+/* One of everything. What is not answered, or ended twice, fake_wrong says. */
+static void use(cn_node *node)
+{
+    static cn_ros_file_reply reply;
+    const cn_ros_handlers *h = fake_handlers();
+    const double point[] = {0.001, 0, 0.02};
+    const cn_ros_limit limit = {"artery", "stress", "max", 1e9};
+    cn_ros_request asked = request(), named = request();
+    fake_tube(0.05, 0.004);
+    fake_settle(node);
+    asked.limit = &limit, asked.nlimit = 1;
+    named.scene = "tube.yaml";
+    const cn_ros_call first = fake_plan(&asked), second = fake_plan(&named);
+    free(fake_await(first).json), free(fake_await(second).json);
+    h->click(node, "map", point);
+    h->load(node, "tube.yaml", &reply), h->save(node, "saved.yaml", &reply);
+    h->mark(node, CN_ROS_MARK_PLAN, 0, "map", NULL);
+    h->feedback(node);
+}
+
+static void test_where_memory_ends_a_call_is_answered_and_the_next_one_served(void **state)
+{
+    (void)state;
+    static const cn_setting least[] = {{"bodies.catheter.model", "rod"},
+                                       {"bodies.catheter.shape.catheter.stations", "7"},
+                                       {"planner.resolution", "1e-3"},
+                                       {"time_limit", "0.02"},
+                                       {"on_busy", "queue"},
+                                       {NULL, NULL}};
+    const long stride = getenv("CATNAV_EVERY_ALLOCATION") ? 1 : 61;
+    bool fired = true;
+    for (long n = 0; fired; n += stride) {
+        cn_node *node = NULL;
+        cn_error error = {0};
+        fail_alloc_at(n);
+        const cn_status status = fake_node(&node, scene_file, folder, least, &error);
+        if (status == CN_OK) use(node);
+        fired = fail_alloc_fired();
+        fail_alloc_at(-1);
+        assert_true(status == CN_OK || (status == CN_ERR_MEMORY && error.message[0]));
+        if (status == CN_OK) { /* once more, with memory */
+            fake_tube(0.05, 0.004);
+            fake_settle(node);
+            expect(request(), CN_VERDICT_TIMEOUT, "");
+        }
+        fake_node_free(node);
+        if (fake_wrong()[0]) fail_msg("allocation %ld: %s", n, fake_wrong());
+    }
+}
+
 /* --- many at once --- */
 enum { CLIENTS = 64, CALLS = 12 };
 typedef struct {
@@ -355,6 +408,7 @@ int main(void)
         cmocka_unit_test(test_a_bad_request_is_refused_in_words_and_the_next_one_served),
         cmocka_unit_test(test_a_requested_scene_follows_no_path_out_of_its_folders),
         cmocka_unit_test(test_a_bad_mesh_message_is_refused_and_the_mesh_before_it_stays),
+        cmocka_unit_test(test_where_memory_ends_a_call_is_answered_and_the_next_one_served),
         cmocka_unit_test(test_64_clients_that_are_refused_while_a_plan_runs_get_one_answer_a_call),
         cmocka_unit_test(test_64_clients_that_wait_in_a_queue_get_one_answer_a_call),
     };
