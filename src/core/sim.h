@@ -96,6 +96,8 @@ typedef struct {
     double progress_time;
     double twist; /* base turn about `direction` [rad] */
     cn_push push;
+    unsigned
+        needed; /* with a work's first body: bit k, iterate k of the last minimum was asked for its matrix */
 } cn_body_state;
 
 typedef struct {

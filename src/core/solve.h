@@ -7,6 +7,10 @@
 
 typedef struct cn_solver cn_solver;
 
+/* Finds levels so that nodes of level l couple to l-1, l, l+1 only: breadth first from a node far from the
+ * others, component after component. level (n). CN_ERR_MEMORY. */
+cn_status cn_levels_find(const cn_matrix *pattern, int *level);
+
 /* kind CN_LINEAR_AUTO picks from the structure: CHAIN where the pattern has a narrow level structure
  * (`level` given: nodes of level l couple to l-1, l, l+1 only, best ascending with the node index; e.g. a
  * catheter's stations; NULL: it is looked for), else CHOLESKY, or for a compact body PCG: CG with

@@ -10,9 +10,6 @@
 /* A pivot that is not above this part of its row's own diagonal entry is rounding: not positive definite. */
 #define CN_PIVOT_MIN 4e-15
 
-/* Finds levels so that nodes of level l couple to l-1, l, l+1 only: breadth first from a node far from the
- * others, component after component. level (n). CN_ERR_MEMORY. */
-cn_status cn_levels_find(const cn_matrix *pattern, int *level);
 /* Whether `level` (n, >= 0) is such a structure. */
 bool cn_levels_check(const cn_matrix *pattern, const int *level);
 /* Eliminating a level of m unknowns with `next` in the next one [multiplications and additions]. */

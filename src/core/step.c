@@ -175,12 +175,13 @@ static cn_status force_at_start(const cn_group *g)
     return CN_OK;
 }
 
-/* The motion to begin with: as far as the velocity leads. */
-static void go_ahead(const cn_group *g)
+/* The motion to begin with. */
+static void go_ahead(const cn_group *g, bool chord)
 {
     EACH_STAGE(g, s)
     EACH_FREE(s, i)
     cn_copy3(s->part->ahead + 3 * i, s->part->dx + 3 * i);
+    cn_stage_lead(g, chord);
 }
 
 static cn_status step_euler(const cn_group *g, double time, cn_step_figures *figures)
@@ -191,7 +192,7 @@ static cn_status step_euler(const cn_group *g, double time, cn_step_figures *fig
         cn_stage_external(s, time + s->h);
         set_ahead(s, s->h, s->from->v, 0, NULL);
     }
-    go_ahead(g); /* begin where the velocity leads */
+    go_ahead(g, true);
     if ((status = cn_stage_start(g, !g->work->model->single)) != CN_OK) return status;
     status = cn_stage_minimise(g, figures);
     if ((status != CN_ERR_CONVERGENCE && status != CN_ERR_NOT_FINITE) || g->work->moving) return status;
@@ -214,7 +215,7 @@ static cn_status step_midpoint(const cn_group *g, double time, cn_step_figures *
         cn_stage_external(s, time + s->h);
         set_ahead(s, s->h, s->from->v, 0, NULL);
     }
-    go_ahead(g);
+    go_ahead(g, false);
     if ((status = cn_stage_start(g, true)) != CN_OK) return status;
     if ((status = cn_stage_minimise(g, figures)) != CN_OK) return status;
     EACH_STAGE(g, s)
@@ -250,7 +251,7 @@ static cn_status step_trbdf2(const cn_group *g, double time, double dt, cn_step_
         for (int k = 3 * i; k < 3 * i + 3; k++)
             s->part->lag[k] = 0.5 * s->part->ahead[k];
     }
-    go_ahead(g);
+    go_ahead(g, false);
     if ((status = cn_stage_start(g, true)) != CN_OK) return status;
     if ((status = cn_stage_minimise(g, figures)) != CN_OK) return status;
 
@@ -467,6 +468,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
     for (int p = 0; p < work->npart; p++)
         cn_state_copy_body(&trial->body[work->first + p], &state->body[work->first + p], work->part[p].body);
     group_up(&g, work, state, trial, path, dt);
+    work->needed = state->body[work->first].needed;
     work->collision_s = 0, work->added = 0;
     EACH_STAGE(&g, s)
     {
@@ -494,6 +496,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
              : explicit                                  ? cn_step_explicit(&g, trial, state->time, dt)
                                                          : step_euler(&g, state->time, figures);
     if (status != CN_OK) return status;
+    trial->body[work->first].needed = work->needed;
     const bool gives_back = g.strict && bounces(model);
     if (gives_back && (status = cn_stage_bounce(&g)) != CN_OK) return status;
 

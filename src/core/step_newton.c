@@ -370,6 +370,14 @@ static bool rubs_otherwise(const cn_group *g, int *lag, int tangent, double *ene
     return excess(g, true) > 1;
 }
 
+/* Notes for the next step whether the iterate was asked for its matrix. That saves evaluations; it is part of
+ * the state, since with and without a matrix forces may differ by round-off. */
+static void expect(cn_work *work, int iterate, bool needed)
+{
+    if (iterate < 0 || iterate > 31) return;
+    work->needed = (work->needed & ~(1u << iterate)) | (unsigned)needed << iterate;
+}
+
 cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
 {
     cn_work *work = g->work;
@@ -391,6 +399,7 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
         if (done == 0 && rubs(g)) enough = fmax(1, LAGGED * over);
         if (arrived && (done ? over / enough : excess(g, false)) <= 1) {
             if (!rubs_otherwise(g, &lag, tangent, &energy)) {
+                expect(work, done - 1, false);
                 EACH_STAGE(g, s)
                 balance(s);
                 return CN_OK;
@@ -400,19 +409,20 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
         }
         settle(g, done > 0);
         if (done == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
-        if (done && !assembled) /* too stale to gain by, or good enough still */
-            keep = over <= (keep ? 0.2 : NEAR_LINEAR) * before && (keep || may_keep(g));
+        if (done) /* too stale to gain by, or good enough still */
+            keep = isfinite(before) && over <= (keep ? 0.2 : NEAR_LINEAR) * before && (keep || may_keep(g));
+        expect(work, done - 1, !keep);
         if (!keep && !assembled) energy = evaluate(g, CN_AT_STATE, tangent);
         work->forcing = forcing(over, before, keep);
         status = (model->single ? single_direction : newton_direction)(g, keep, &slope, figures);
         if (status != CN_OK) return status;
         figures->newton++;
-        /* an iterate that is expected to be the last is seen without the matrix */
+        /* an iterate that is expected to be the last, or was so in the step before, is seen without the
+         * matrix */
         double expected = isfinite(before) ? over * fmin(1, over / before) : over;
         if (done && cn_stage_iterative(g)) expected = fmin(expected, work->forcing * over);
         const bool last = done + 1 == model->newton || (expected <= 1 && arrived);
-        const bool chord = may_keep(g) && (done ? over <= NEAR_LINEAR * before : true);
-        const int then = keep || last || chord ? -1 : tangent;
+        const int then = keep || last || !(work->needed >> (done < 31 ? done : 31) & 1) ? -1 : tangent;
         before = over;
         double fraction = 1;
         if (g->strict && (status = cn_touch_allowed(g, false, &fraction)) != CN_OK) return status;

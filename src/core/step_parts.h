@@ -18,6 +18,7 @@ typedef struct {
     cn_solver *solver;
     cn_carry *carry; /* NULL: the points are the nodes */
     cn_drive drive;
+    int *node, *slice, nslice; /* nodes slice by slice, which couple to their neighbours only; one: all */
     double *memory;
     /* by blocks (nblock x 3): */
     double *u; /* the unknown: x - x0, kept apart so that v = (u - lag) / h carries no round-off of x */
@@ -89,6 +90,7 @@ struct cn_work {
     double collision_s;
     double energy_size; /* of all energies [J] */
     double added;       /* inertia that last made the exact tangent positive definite, over M/h^2 */
+    unsigned needed;    /* of the state, as this step goes on */
     double forcing;     /* what an iterative solver may leave of the residual */
     const volatile sig_atomic_t *cancel; /* NULL: nothing ends a step early */
 };
@@ -111,6 +113,11 @@ typedef enum { CN_AT_STATE, CN_AT_TRIAL } cn_where; /* stage->x, or part->trial 
 /* --- step.c --- */
 /* Gravity, loads that are on, and the drive's held part, into part->external. */
 void cn_stage_external(const cn_stage *s, double time);
+
+/* --- step_ahead.c --- */
+/* Bends every part's dx, a straight motion by velocities, along with what turns: a compact body as a whole, a
+ * slender one joint by joint. chord: the velocities are the last step's motion over its time. */
+void cn_stage_lead(const cn_group *g, bool chord);
 
 /* --- step_explicit.c --- */
 /* Takes every body through the step, x and v of `trial` with it. CN_ERR_ARG: more substeps than are taken;

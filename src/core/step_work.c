@@ -26,15 +26,41 @@ static void hand_out(cn_part *part, size_t blocks, size_t nodes)
     part->factored_turn = part->spin + (blocks > nodes ? 9 * nodes : 0);
 }
 
-/* Levels of a chain of stations, NULL: the solver looks for itself. */
-static cn_status levels_of(const cn_model_body *body, int **level)
+/* Levels of the pattern, a catheter's by station. */
+static cn_status levels_of(const cn_part *part, int *level)
 {
+    const cn_model_body *body = part->body;
     const cn_body *b = body->body;
-    *level = NULL;
-    if (!body->catheter && b->model != CN_BODY_ROD) return CN_OK;
-    if (!(*level = malloc((size_t)b->nblock * sizeof **level))) return CN_ERR_MEMORY;
+    if (!body->catheter && b->model != CN_BODY_ROD) return cn_levels_find(part->matrix, level);
     for (int i = 0; i < b->nblock; i++)
-        (*level)[i] = i % b->nnode / body->per_station;
+        level[i] = i % b->nnode / body->per_station;
+    return CN_OK;
+}
+
+/* Nodes level by level where the body is slender, with fewer nodes in a level than levels; else all in one.
+ * Levels of less than half as many as in the mean, at a pointed end, go with the next. */
+static cn_status slices_of(cn_part *part, const int *level)
+{
+    const int n = part->body->body->nnode;
+    int nlevel = 1;
+    for (int i = 0; i < n; i++)
+        if (level[i] >= nlevel) nlevel = level[i] + 1;
+    part->node = malloc(((size_t)n + 1) * sizeof *part->node);
+    part->slice = calloc((size_t)nlevel + 2, sizeof *part->slice);
+    if (!part->node || !part->slice) return CN_ERR_MEMORY;
+    int *next = part->slice + 1; /* while sorting, next[l] is where level l's next node goes */
+    for (int i = 0; i < n; i++)
+        next[level[i] + 1]++;
+    for (int l = 1; l <= nlevel; l++)
+        next[l] += next[l - 1];
+    for (int i = 0; i < n; i++)
+        part->node[next[level[i]]++] = i;
+    const double least = (double)nlevel * nlevel > n ? 0.5 * n / nlevel : n;
+    for (int l = 0; l < nlevel; l++)
+        if (part->slice[l + 1] - part->slice[part->nslice] >= least)
+            part->slice[++part->nslice] = part->slice[l + 1];
+    if (part->nslice == 0) part->nslice = 1;
+    part->slice[part->nslice] = n;
     return CN_OK;
 }
 
@@ -65,7 +91,8 @@ static cn_status part_new(cn_part *part, const cn_model *model, int index, cn_po
         return CN_ERR_MEMORY;
     if ((status = cn_body_bind(&part->scatter, b, part->matrix, 0)) != CN_OK) return status;
     if ((status = cn_carry_new(&part->carry, cn_touch_body(body))) != CN_OK) return status;
-    if ((status = levels_of(body, &level)) == CN_OK)
+    if (!(level = malloc((blocks + 1) * sizeof *level))) return CN_ERR_MEMORY;
+    if ((status = levels_of(part, level)) == CN_OK && (status = slices_of(part, level)) == CN_OK)
         status = cn_solver_new(&part->solver, part->matrix, model->scene->solver.linear, level, error);
     free(level);
     return status;
@@ -79,6 +106,8 @@ static void part_clear(cn_part *part)
     free(part->damping.value);
     cn_matrix_free(part->matrix);
     free(part->held);
+    free(part->node);
+    free(part->slice);
     free(part->memory);
 }
 

@@ -17,7 +17,8 @@ void cn_tree_refit(cn_tree *tree, const double *vert); /* new positions, same tr
 /* Boxes swept over the motion vert -> vert_end and inflated by margin; other queries then see vert. */
 void cn_tree_refit_swept(cn_tree *tree, const double *vert, const double *vert_end, double margin);
 /* The same, and more: boxes that hold as long as each vertex stays within slack of this motion, along each
- * axis. Where the last such call's still hold, for no more margin, nothing is done: other queries see vert. */
+ * axis. Where the last such call's still hold, for no more margin, nothing is done: other queries see vert.
+ */
 void cn_tree_refit_loose(cn_tree *tree, const double *vert, const double *vert_end, double margin,
                          double slack);
 

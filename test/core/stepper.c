@@ -72,7 +72,8 @@ cn_status stepper_try(stepper *s)
 {
     cn_state *old = s->state;
     cn_status status;
-    if (!s->work && (status = cn_work_new(&s->work, s->model, 0, 1, s->pool, &s->error)) != CN_OK) return status;
+    if (!s->work && (status = cn_work_new(&s->work, s->model, 0, 1, s->pool, &s->error)) != CN_OK)
+        return status;
     status = cn_step(s->model, s->state, s->trial, NULL, s->scene.step, s->work, &s->figure);
     if (status != CN_OK) return status;
     s->figure.residual = cn_step_residual(s->model, old, s->trial, NULL, s->scene.step, s->work);

@@ -506,7 +506,8 @@ static void explicit_steps_keep_momentum_and_energy(void **state)
     }
     for (int step = 0; step < 200; step++) {
         double e = 0;
-        assert_int_equal(cn_molecules_explicit(body, 1e-3, NULL, NULL, NULL, x, v, work, &substeps, NULL), CN_OK);
+        assert_int_equal(cn_molecules_explicit(body, 1e-3, NULL, NULL, NULL, x, v, work, &substeps, NULL),
+                         CN_OK);
         for (int i = 0; i < 3 * n; i++)
             e += 0.5 * body->mass[i / 3] * v[i] * v[i];
         e += cn_body_energy(body, n, x, NULL, NULL);
@@ -545,7 +546,8 @@ static void explicit_and_implicit_steps_agree_as_steps_shrink(void **state)
     memcpy(x, s.body->rest, 3 * (size_t)n * sizeof *x);
     assert_int_equal(cn_solver_new(&solver, s.matrix, CN_LINEAR_CHOLESKY, NULL, NULL), CN_OK);
     for (int step = 0; step < steps; step++) {
-        assert_int_equal(cn_molecules_explicit(s.body, dt, force, NULL, held, x, v, work, &substeps, NULL), CN_OK);
+        assert_int_equal(cn_molecules_explicit(s.body, dt, force, NULL, held, x, v, work, &substeps, NULL),
+                         CN_OK);
         /* (M/dt^2 + alpha M/dt + (1 + beta/dt) K) dx = M u/dt + f + beta K 0 */
         fixture_force(&s, CN_TANGENT_WARPED, s.scatter, NULL);
         for (int i = 0; i < 9 * s.matrix->nblock; i++)
@@ -597,7 +599,8 @@ static double apart(int steps)
     memcpy(x, s.body->rest, 3 * (size_t)n * sizeof *x), memcpy(v, s.now->v, 3 * (size_t)n * sizeof *v);
     for (int i = 0; i < steps; i++) {
         stepper_step(&s);
-        assert_int_equal(cn_molecules_explicit(s.body, dt, NULL, NULL, s.held, x, v, work, &substeps, NULL), CN_OK);
+        assert_int_equal(cn_molecules_explicit(s.body, dt, NULL, NULL, s.held, x, v, work, &substeps, NULL),
+                         CN_OK);
     }
     for (int i = 0; i < n; i++) {
         far = fmax(far, cn_distance(x + 3 * i, s.now->x + 3 * i));
@@ -659,7 +662,8 @@ static void explicit_steps_refuse_what_they_cannot_do(void **state)
     assert_int_equal(cn_molecules_explicit(body, NAN, NULL, NULL, NULL, x, v, work, &k, NULL), CN_ERR_ARG);
     assert_int_equal(cn_molecules_explicit(body, 1e9, NULL, NULL, NULL, x, v, work, &k, NULL), CN_ERR_ARG);
     v[4] = NAN;
-    assert_int_equal(cn_molecules_explicit(body, 1e-3, NULL, NULL, NULL, x, v, work, &k, NULL), CN_ERR_NOT_FINITE);
+    assert_int_equal(cn_molecules_explicit(body, 1e-3, NULL, NULL, NULL, x, v, work, &k, NULL),
+                     CN_ERR_NOT_FINITE);
     body->mass[3] = 0;
     assert_int_equal(cn_molecules_explicit(body, 1e-3, NULL, NULL, NULL, x, v, work, &k, NULL), CN_ERR_ARG);
     free(x), free(v), free(work);

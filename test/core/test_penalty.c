@@ -280,7 +280,7 @@ static void the_stiffness_of_its_own_is_stable_at_any_speed_and_step(void **stat
             scene_steps s;
             snprintf(text, sizeof text,
                      "step: %g\n" FLOOR "bodies:\n- name: block\n  shape: {beam: {size: [0.1, 0.1, 0.1], "
-                                        "cells: [2, 2, 2]}, translate: "
+                     "cells: [2, 2, 2]}, translate: "
                      "[0, 0, %g]}\n" RUBBER "  start: {velocity: [0, 0, %g]}\n"
                      "contact: {method: penalty}\n",
                      step[j], 1e-3, -fmin(speed[i], 0.05 / step[j]));

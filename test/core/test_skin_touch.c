@@ -304,7 +304,7 @@ static void a_catheter_lies_on_its_round_skin(void **state)
     cn_report report;
     const lowest low = run_text(
         "step: 0.002\ntime_limit: 0.1\n" FLOOR "bodies:\n- name: wire\n  model: rod\n  shape: {catheter: "
-                                               "{length: 0.1, diameter: 0.004, entry: [0, 0, "
+        "{length: 0.1, diameter: 0.004, entry: [0, 0, "
         "-0.047], direction: [1, 0, 0], inserted: 0.1, stations: 11, sides: 3, sheath: off}}\n"
         "  material: {young: 1.0e+7, poisson: 0.3, density: 1000, damping: 5}\n"
         "  skin: {sides: 16, contact: on}\n",
