@@ -4,7 +4,6 @@
 #define CN_FUZZ_H
 
 #include <math.h>
-#include <sanitizer/allocator_interface.h>
 #include <stdatomic.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -15,6 +14,10 @@
 #include "catnav/scene.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+/* The sanitizers' allocator; replay.c has its own in an ordinary build. */
+int __sanitizer_install_malloc_and_free_hooks(void (*on_malloc)(const volatile void *, size_t),
+                                              void (*on_free)(const volatile void *));
+size_t __sanitizer_get_allocated_size(const volatile void *p);
 
 static atomic_size_t held, most; /* bytes allocated, at most: -1 while not counted */
 
@@ -58,7 +61,9 @@ static inline void count_begin(size_t size)
 {
     static int installed;
     if (!installed) __sanitizer_install_malloc_and_free_hooks(on_malloc, on_free);
-    installed = 1, held = 0, most = 10 * size + (16u << 20);
+    installed = 1;
+    held = 0;
+    most = 10 * size + (16u << 20);
 }
 static inline void count_end(void)
 {
