@@ -36,7 +36,7 @@ def draw(study, part, found):
         for model in dict.fromkeys(row["model"] for row in found):
             stability_map(study, model, [row for row in found if row["model"] == model])
     elif part == "speed":
-        cost_against_size(study, *found[1:])
+        cost_against_size(study, *found[1:3])
     elif part == "contact":
         methods(study, found[0])
     elif part == "theory" and found:
@@ -172,7 +172,7 @@ def cost_against_size(study, rows, fits):
     """Step time and memory against elements, log-log; `fits`: {(model, shape): (exponent of time, of memory)}."""
     figure, both = plt.subplots(1, 2, figsize=(9.2, 3.8))
     marker = {"grown by length": "o", "compact": "s"}
-    for axes, key, scale, label in ((both[0], "step_ms_median", 1, "median step [ms]"),
+    for axes, key, scale, label in ((both[0], "step_ms", 1, "mean step [ms]"),
                                     (both[1], "memory_mib", 1, "peak memory [MiB]")):
         for (model, shape), exponents in fits.items():
             line = [row for row in rows if row["model"] == model and row["shape"] == shape and row.get(key)]

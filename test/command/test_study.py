@@ -203,6 +203,11 @@ class Everything(unittest.TestCase):
         speed = self.rows("speed")
         self.assertTrue({"own", "paper"} <= {row["method"] for row in speed if row["step_ms_median"]})
         self.assertTrue(all(row["memory_mib"] > 0 for row in self.rows("cost") if row["status"] == "ran"))
+        for case in {row["case"] for row in self.rows("equal_error")}:
+            paper, *own = [row for row in self.rows("equal_error") if row["case"] == case]
+            best = [row for row in own if row["best"]]
+            self.assertEqual((paper["method"], len(best)), ("paper", 1))
+            self.assertLessEqual(best[0]["error"], paper["error"])
         self.assertEqual({row["what"] for row in self.rows("left_out")},
                          {"self_contact", "refit", "refactor", "wall_solve", "inertia", "stress"})
 
