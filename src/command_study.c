@@ -48,8 +48,8 @@ static void print_study(const cn_study *study)
         for (int m = 0; m < CN_STUDY_METHODS; m++) {
             const cn_study_row *r = &study->state[i].row[m];
             if (r->failure != CN_OK)
-                printf("%.0f %%, %s: step %d of %d cannot be computed (%s)\n", 100 * study->state[i].fraction,
-                       cn_study_method_name(m), r->steps + 1, CN_STUDY_STEPS, cn_status_text(r->failure));
+                printf("%.0f %%, %s: step %d cannot be computed (%s)\n", 100 * study->state[i].fraction,
+                       cn_study_method_name(m), r->steps + 1, cn_status_text(r->failure));
         }
 }
 
@@ -57,9 +57,11 @@ static int study_paper(int argc, char **argv)
 {
     static settings_t settings;
     const char *scene_file, *folder = "build/study";
-    int threads = command_threads();
+    int threads = command_threads(), steps = 0, total = 0;
     bool quiet = false;
     const option_t options[] = {{"--out", OPTION_TEXT, &folder},
+                                {"--steps", OPTION_COUNT, &steps},
+                                {"--total", OPTION_COUNT, &total},
                                 {"--set", OPTION_SETTING, &settings},
                                 {"--threads", OPTION_COUNT, &threads},
                                 {"--quiet", OPTION_FLAG, &quiet},
@@ -74,7 +76,8 @@ static int study_paper(int argc, char **argv)
         return COMMAND_REFUSED;
     command_catch_signals();
     const bool bar = !quiet && isatty(STDERR_FILENO);
-    const cn_study_hooks hooks = {.progress = bar ? show_progress : NULL, .cancel = &command_cancel};
+    const cn_study_hooks hooks = {
+        .progress = bar ? show_progress : NULL, .cancel = &command_cancel, .steps = steps, .total = total};
     if (cn_scene_read(&scene, scene_file, settings.n, settings.setting, &error) != CN_OK ||
         cn_study_write(&study, folder, &error) != CN_OK || /* told before the run, not after it */
         cn_world_new(&world, scene, 0, NULL, &error) != CN_OK) {
@@ -236,10 +239,12 @@ static const char help[] =
     "    catnav study - accuracy, stability and speed, measured\n\n"
     "SYNOPSIS\n"
     "    catnav study DIR [--quick] [--only PART] [--every-cell] [--threads N]\n"
-    "    catnav study paper SCENE.yaml [--out DIR] [--set KEY=VALUE]... [--threads N] [--quiet]\n"
+    "    catnav study paper SCENE.yaml [--out DIR] [--set KEY=VALUE]... [--steps N] [--total N]\n"
+    "        [--threads N] [--quiet]\n"
     "    catnav study device SCENE.yaml [--closeness E] [--seconds S] [--out DIR] [--threads N]\n"
     "    catnav study detection TRIANGLES\n"
-    "    catnav study table1 [--scenes NAME,...] [--seconds S] [--steps N] [--out DIR] [--threads N]\n"
+    "    catnav study table1 [--scenes NAME,...] [--seconds S] [--steps N] [--states N] [--whole]\n"
+    "        [--out DIR] [--threads N]\n"
     "    catnav study skin speed|bezier|smooth [REPEATS]\n"
     "    catnav study skin shape ANCHORS\n\n"
     "DESCRIPTION\n"
@@ -270,10 +275,12 @@ static const char help[] =
     "    detection\n"
     "            Prints as CSV what building, refitting and querying the AABB tree of surfaces costs, from\n"
     "            1,000 to TRIANGLES triangles.\n\n"
-    "    table1  Runs the first paper's scenes (bear, snake, fish, artery) whole, by their own method and\n"
-    "            by the paper's, and prints its Table 1 with our columns beside it: nodes, planning,\n"
-    "            simulation, collision, milliseconds a step; DIR/table1.csv and DIR/table1.json. A scene\n"
-    "            that is not there is left out and said. Takes some minutes a scene.\n\n"
+    "    table1  Runs the first paper's scenes (bear, snake, fish, artery) whole by their own method; the\n"
+    "            paper's goes on from three states of that run (--whole: from its start to its end). Prints\n"
+    "            its Table 1 with our columns beside it, what is reckoned from those steps marked by ~:\n"
+    "            nodes, planning, simulation, collision, milliseconds a step; DIR/table1.csv and\n"
+    "            DIR/table1.json. A scene that is not there is left out and said. Takes some minutes a\n"
+    "            scene.\n\n"
     "    skin    Skins alone, as CSV: the time of an update with normals against vertices, anchors a\n"
     "            vertex and threads; frames a second of Bezier skins against control points and\n"
     "            intervals, beside a skin of as many vertices; the sharpest edge of bent capsules\n"
@@ -285,7 +292,10 @@ static const char help[] =
     "    --scenes NAME,.. of table1: these alone\n"
     "    --seconds S      of table1 and device: wall time that one run may take (default: 900)\n"
     "    --closeness E    of device: largest that passes and least that does not, relative (default: 0.05)\n"
-    "    --steps N        of table1: of every run the first N steps alone\n"
+    "    --steps N        of table1: of every run the first N steps alone; of paper: from each state, at\n"
+    "                     most 200 (default)\n"
+    "    --states N       of table1: steps of the paper's method from each state (default: 50)\n"
+    "    --total N        of paper: accepted steps of the run, where they are known: it runs once then\n"
     "    --out DIR        of paper, table1 and device: where CSV and JSON go (default: build/study)\n"
     "    --set KEY=VALUE  of paper: changes the scene before it is read, as in catnav run\n"
     "    --threads N      worker threads (default: one a core)\n"

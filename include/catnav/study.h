@@ -13,7 +13,10 @@ typedef struct {
     void *user;
     void (*progress)(void *user, const char *what); /* several times a second: a line for the user */
     const volatile sig_atomic_t *cancel;            /* non-zero: stop within a step */
-} cn_study_hooks;                                   /* any of them may be NULL */
+    int steps; /* from each state by each method, at most CN_STUDY_STEPS; 0: so many */
+    int total; /* accepted steps of the scene's run where they are known: no first run then; 0: they are not
+                */
+} cn_study_hooks; /* any of them may be NULL or 0 */
 
 /* --- the paper's method against the scene's own: CSV and JSON `paper` ---
  * The paper's method: same mesh (of a rod: linear tetrahedra, those that ride on it), assembly, threads;

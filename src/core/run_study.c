@@ -181,14 +181,16 @@ static cn_status compare(const studying *s, const cn_run_data *run, cn_study_sta
     cn_status status = CN_OK;
     for (int m = 0; status == CN_OK && m < CN_STUDY_METHODS; m++)
         status = walk_new(&w[m], run, m, error);
-    for (int i = 0; status == CN_OK && i < CN_STUDY_STEPS; i += TURN)
+    const int n = s->hooks && s->hooks->steps > 0 && s->hooks->steps < CN_STUDY_STEPS ? s->hooks->steps
+                                                                                      : CN_STUDY_STEPS;
+    for (int i = 0; status == CN_OK && i < n; i += TURN)
         for (int m = 0; status == CN_OK && m < CN_STUDY_METHODS; m++) {
             cn_study_row *row = &out->row[m];
             char what[96];
-            snprintf(what, sizeof what, "%d steps from %.0f %% of the run: %s %d", CN_STUDY_STEPS,
-                     100 * out->fraction, cn_study_method_name(m), i);
+            snprintf(what, sizeof what, "%d steps from %.0f %% of the run: %s %d", n, 100 * out->fraction,
+                     cn_study_method_name(m), i);
             say(s->hooks, what);
-            for (int j = 0; j < TURN && row->failure == CN_OK && status == CN_OK; j++) {
+            for (int j = i; j < i + TURN && j < n && row->failure == CN_OK && status == CN_OK; j++) {
                 row->failure = walk_step(w[m], row);
                 if (row->failure == CN_ERR_MEMORY) status = CN_ERR_MEMORY;
                 if (cancelled(s->hooks)) status = CN_ERR_CANCELLED;
@@ -243,14 +245,16 @@ cn_status cn_study_paper(cn_world *world, cn_planner planner, int threads, const
     const cn_run_hooks run_hooks = {.user = &s, .progress = tell_run, .cancel = hooks ? hooks->cancel : NULL};
     cn_report again;
     memset(study, 0, sizeof *study);
-    cn_status status = cn_run(world, NULL, planner, threads, &run_hooks, &study->run, error);
-    if (status != CN_OK || study->run.steps == 0 || study->run.verdict.code == CN_VERDICT_CANCELLED)
-        return status;
+    const int known = hooks && hooks->total > 0 ? hooks->total : 0;
+    cn_status status = known ? CN_OK : cn_run(world, NULL, planner, threads, &run_hooks, &study->run, error);
+    const int total = known ? known : study->run.steps;
+    if (status != CN_OK || total == 0 || study->run.verdict.code == CN_VERDICT_CANCELLED) return status;
     for (int i = 0; i < CN_STUDY_STATES; i++)
-        s.mark[i] = (int)fmax(1, round(fractions[i] * study->run.steps));
-    s.pass = "the run again";
-    status = cn_run_visited(world, NULL, planner, threads, &run_hooks, visit, &s, &again, error);
-    cn_report_clear(&again);
+        s.mark[i] = (int)fmax(1, round(fractions[i] * total));
+    if (!known) s.pass = "the run again";
+    status = cn_run_visited(world, NULL, planner, threads, &run_hooks, visit, &s,
+                            known ? &study->run : &again, error);
+    if (!known) cn_report_clear(&again);
     if (status != CN_OK) return status;
     if (s.status != CN_OK) {
         if (error) *error = s.error;

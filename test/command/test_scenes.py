@@ -210,19 +210,22 @@ class Scenes(unittest.TestCase):
 
     # the paper's table
     def test_the_papers_table_stands_beside_our_figures_for_both_methods(self):
-        with tempfile.TemporaryDirectory() as folder:
-            words = [CATNAV, "study", "table1", "--scenes", "bear", "--steps", "2", "--out", folder]
-            done = subprocess.run(words, capture_output=True, text=True, timeout=300)
-            self.assertEqual(done.returncode, 0, done.stderr)
-            with open(os.path.join(folder, "table1.json")) as file:
-                rows = json.load(file)
-        for word in ("planning [s]", "collision [s]", "ms a step", "358.8", "3.12", "paper's method", "density 1000"):
-            self.assertIn(word, done.stdout)
-        self.assertEqual([row["method"] for row in rows], ["ours", "paper's method"])
-        for row in rows:
-            self.assertEqual(row["steps"], 2)
-            self.assertAlmostEqual(row["ms a step"], 1e3 * row["simulation [s]"] / row["steps"])
-        self.assertEqual(rows[0]["deformable nodes"], rows[1]["deformable nodes"])
+        for more, steps in (["--whole"], 2), (["--states", "1"], 3):
+            with tempfile.TemporaryDirectory() as folder:
+                words = [CATNAV, "study", "table1", "--scenes", "bear", "--steps", "2", "--out", folder, *more]
+                done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                with open(os.path.join(folder, "table1.json")) as file:
+                    rows = json.load(file)
+            for word in ("planning [s]", "collision [s]", "ms a step", "358.8", "3.12", "paper's method",
+                         "density 1000", "at most 1 s wanted"):
+                self.assertIn(word, done.stdout)
+            self.assertEqual("~" in done.stdout, steps == 3)  # reckoned, and said so
+            self.assertEqual([row["method"] for row in rows], ["ours", "paper's method"])
+            self.assertEqual([row["steps"] for row in rows], [2, steps])
+            for row in rows:  # the paper's for as many steps as ours
+                self.assertAlmostEqual(row["ms a step"], 1e3 * row["simulation [s]"] / 2)
+            self.assertEqual(rows[0]["deformable nodes"], rows[1]["deformable nodes"])
 
     def test_a_table_of_scenes_that_are_none_is_refused(self):
         for word in ("--scenes", "--seconds"):

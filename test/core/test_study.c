@@ -215,7 +215,8 @@ static void a_study_can_be_cancelled_in_the_run_and_between_steps(void **unused)
     (void)unused;
     set_up(&b, 0, NULL);
     stopping run = {.until = "the run: preparing"}, steps = {.until = "from 50 %"};
-    const cn_study_hooks in_run = {&run, stop_at, &run.cancel}, in_steps = {&steps, stop_at, &steps.cancel};
+    const cn_study_hooks in_run = {.user = &run, .progress = stop_at, .cancel = &run.cancel},
+                         in_steps = {.user = &steps, .progress = stop_at, .cancel = &steps.cancel};
     study_it(&b, 1, &in_run, &study);
     assert_int_equal(study.run.verdict.code, CN_VERDICT_CANCELLED);
     assert_int_equal(study.nstate, 0);
