@@ -149,6 +149,8 @@ void cn_sheath_advance(const cn_model_body *body, cn_body_state *state, double a
 void cn_sheath_release(const cn_model_body *body, cn_body_state *state);
 /* Nodes out of the sheath with the base at `inserted` [m]. */
 int cn_sheath_out(const cn_model_body *body, double inserted);
+/* The free nodes and those past the entry that the sheath still guides: of tet10 a leading section. */
+int cn_sheath_past(const cn_model_body *body, const cn_body_state *state);
 /* For bodies [first, first + nbody). */
 cn_status cn_work_new(cn_work **out, const cn_model *model, int first, int nbody, cn_pool *pool,
                       cn_error *error);

@@ -34,6 +34,14 @@ int cn_sheath_out(const cn_model_body *body, double inserted)
     return out;
 }
 
+int cn_sheath_past(const cn_model_body *body, const cn_body_state *state)
+{
+    int past = state->nfree;
+    while (body->sheath && past < body->body->nnode && state->inserted - body->behind[past] > 0)
+        past += body->per_section;
+    return past;
+}
+
 static void start_body(const cn_model_body *body, cn_body_state *state)
 {
     const cn_body *b = body->body;

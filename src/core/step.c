@@ -323,20 +323,22 @@ static void begin(const cn_group *g, double dt)
     cn_touch_points(g, CN_AT_STATE, work->begin);
 }
 
-/* Everything where `state` has it: points, those that take part, axes; how many axis points. */
+/* Everything where `state` has it: points, those that take part (what the sheath guides past the entry too),
+ * axes; how many axis points. */
 static int gather(cn_work *work, const cn_state *state)
 {
     int naxis = 0;
     for (int p = 0; p < work->npart; p++) {
         const cn_part *part = &work->part[p];
         const cn_body *b = cn_touch_body(part->body);
-        const cn_body_state *at = &state->body[part->index];
+        cn_body_state at = state->body[part->index];
         double *own = work->points + 3 * (size_t)work->surfaces->surface[p].first;
-        const double *x = cn_body_points(b, at->nfree, at->x, at->rotation, own);
+        const double *x = cn_body_points(b, at.nfree, at.x, at.rotation, own);
         int n;
         if (x != own) memcpy(own, x, 3 * (size_t)b->npoint * sizeof *own);
-        work->nfree[p] = cn_body_points_of(b, at->nfree);
-        cn_axis_points(part->body, at, &n, part->axis);
+        at.nfree = cn_sheath_past(part->body, &at);
+        work->nfree[p] = cn_body_points_of(b, at.nfree);
+        cn_axis_points(part->body, &at, &n, part->axis);
         memcpy(work->axis + 3 * (size_t)naxis, part->axis, 3 * (size_t)n * sizeof *own);
         naxis += n;
     }
