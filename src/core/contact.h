@@ -148,6 +148,7 @@ typedef struct {
     cn_matrix *matrix;
     const cn_carry *carry;
     bool linked; /* the pattern does not join what a triangle's points hang on: all stiffness goes by links */
+    int rank;    /* of two that give way the one of the higher rank has none of their links in its matrix */
 } cn_hang;
 /* Where the nearest points of two primitives are free to slide, and the distance stays least: a parameter
  * each, how it changes r = sum w_i x_i, and how the weights. */
@@ -181,8 +182,9 @@ typedef struct cn_rub {
 /* Barrier energy [J] at x; adds the force on the points to f (may be NULL) and its stiffness to the matrices
  * of hang (nsurface; NULL: none). Pairs with something that does not give way: the whole second derivative
  * when exact (of the mollifier the positive part), else its positive Gauss-Newton part. Pairs of which both
- * sides give way: each side's own blocks of the Gauss-Newton part into its matrix (not of a linked one), the
- * rest as a link. What comes of arms' turning is cn_body_pull's. INFINITY when a distance is not positive. */
+ * sides give way: each side's own blocks of the Gauss-Newton part into its matrix (not of a linked one, nor
+ * of the higher rank), the rest as a link. What comes of arms' turning is cn_body_pull's. INFINITY when a
+ * distance is not positive. */
 double cn_contact_add(const cn_contact_model *model, cn_contact *contact, const double *x, double *f,
                       const cn_hang *hang, bool exact, cn_pool *pool);
 /* Coulomb's friction (contact_friction.c): notes where and how hard pairs press at x, ... */

@@ -222,7 +222,9 @@ void cn_contact_join(const cn_contact_model *model, cn_contact *contact, const c
     bool gives[2];
     for (int k = 0; k < 2; k++) {
         gives[k] = hang[link.surface[k]].matrix;
-        link.own[k] = gives[k] && !hang[link.surface[k]].linked;
+        link.own[k] = gives[k] && !hang[link.surface[k]].linked &&
+                      !(hang[link.surface[1 - k]].matrix &&
+                        hang[link.surface[k]].rank > hang[link.surface[1 - k]].rank);
     }
     const bool whole = gives[0] != gives[1] && (link.own[0] || link.own[1]);
     if (!whole && (gives[0] || gives[1])) contact->link[contact->nlink++] = link;

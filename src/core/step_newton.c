@@ -213,8 +213,8 @@ cn_status cn_stage_start(const cn_group *g, bool moved)
     return CN_OK;
 }
 
-/* Part of the residual that an iterative solver may leave. */
-static const double FORCING = 0.05;
+/* Part of the residual that an iterative solver may leave; less of what sticks, by far the stiffest. */
+static const double FORCING = 0.05, STICKING = 0.002;
 
 /* How far an iterative solver has to go: no further than the iteration's own error, of second order
  * (Eisenstat and Walker 1996, choice 2), of first with matrices that are kept, nor than what is asked of the
@@ -414,6 +414,7 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
         expect(work, done - 1, !keep);
         if (!keep && !assembled) energy = evaluate(g, CN_AT_STATE, tangent);
         work->forcing = forcing(over, before, keep);
+        if (rubs(g) && work->contact->nrub) work->forcing = fmin(work->forcing, STICKING);
         status = (model->single ? single_direction : newton_direction)(g, keep, &slope, figures);
         if (status != CN_OK) return status;
         figures->newton++;

@@ -34,6 +34,7 @@ typedef struct {
     double residual_scale, energy_size; /* largest force norm [N]; sum of the energies' sizes [J] */
     double energy;                      /* as last evaluated [J] */
     bool linked;                        /* contact joins it to others, or to itself */
+    int rank;                           /* in the work's order */
     double room;                        /* cn_fold_room at the step's start [m] */
     bool settled;                       /* in balance, and nothing touches it: left out of the iteration */
     bool sheet;                         /* a wall that deforms: its matrix is constant, ... */
@@ -68,6 +69,7 @@ struct cn_work {
     int first, npart; /* of the model's bodies */
     cn_part *part;
     cn_stage *stage; /* (npart) */
+    int *order;      /* of parts in which links between them are eliminated: the softest first (npart) */
     /* contact of all of them; surface s < npart is part s's. NULL: nothing to touch */
     cn_contact_model *surfaces;
     cn_contact *contact;
@@ -182,6 +184,15 @@ cn_status cn_stage_solve(const cn_group *g, double *slope, cn_step_figures *figu
  */
 void cn_point_motion(const cn_part *part, int point, const double *v, double out[3]);
 void cn_point_force(const cn_part *part, int point, const double force[3], double *f);
+/* Which of a link's four points are a side's: from begin up to end. */
+static inline void cn_link_points(const cn_link *link, int side, int *begin, int *end)
+{
+    *begin = side ? link->nside : 0, *end = side ? 4 : link->nside;
+}
+/* Of the points of a link's side, a part's: sum w_i n . v_i when its blocks move by v; f += y w_i n on them.
+ */
+double cn_link_along(const cn_work *work, const cn_link *link, int side, const double *v);
+void cn_link_push(const cn_work *work, const cn_link *link, int side, double y, double *f);
 bool cn_stage_iterative(const cn_group *g); /* some solver is */
 
 /* --- step_wall.c: one wall that deforms, its unknowns condensed --- */

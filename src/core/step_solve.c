@@ -1,5 +1,5 @@
 /* step_solve.c - a direction from the gradient: each body's own matrix by its own solver; where contact links
- * bodies, or two places of one, conjugate gradients over those with the solvers as preconditioner. */
+ * bodies, or two places of one, conjugate gradients over those, preconditioned by the solvers in turn. */
 #include "step_parts.h"
 
 #include <math.h>
@@ -172,6 +172,32 @@ void cn_point_force(const cn_part *part, int point, const double force[3], doubl
     cn_axpy(1, moment, f + 3 * (size_t)(carry->turn + node));
 }
 
+double cn_link_along(const cn_work *work, const cn_link *link, int side, const double *v)
+{
+    const int surface = link->surface[side], first = work->surfaces->surface[surface].first;
+    int begin, end;
+    double sum = 0;
+    cn_link_points(link, side, &begin, &end);
+    for (int i = begin; i < end; i++) {
+        double d[3];
+        cn_point_motion(&work->part[surface], link->p[i] - first, v, d);
+        sum += link->w[i] * cn_dot(link->n, d);
+    }
+    return sum;
+}
+
+void cn_link_push(const cn_work *work, const cn_link *link, int side, double y, double *f)
+{
+    const int surface = link->surface[side], first = work->surfaces->surface[surface].first;
+    int begin, end;
+    cn_link_points(link, side, &begin, &end);
+    for (int i = begin; i < end; i++) {
+        double force[3] = {0, 0, 0};
+        cn_axpy(y * link->w[i], link->n, force);
+        cn_point_force(&work->part[surface], link->p[i] - first, force, f);
+    }
+}
+
 /* q += the links' part of A p, their bend too (`bent`). Of those with the part that is condensed (-1: none)
  * only how they bend where that part lies still. */
 static void add_links(const cn_group *g, int condensed, bool bent)
@@ -220,6 +246,53 @@ static double dot(const cn_group *g, int a, int b)
     return sum;
 }
 
+/* Takes from part's r what links with those before it in the order (behind: after it) make of their z; false
+ * where there are none. */
+static bool take_others(const cn_group *g, const cn_part *part, bool behind, double *r)
+{
+    const cn_work *work = g->work;
+    const int p = (int)(part - work->part);
+    const cn_link *link;
+    bool any = false;
+    for (int nlink = links_of(g, &link); nlink > 0; nlink--, link++) {
+        const int side = link->surface[1] == p, other = link->surface[1 - side];
+        if (link->surface[side] != p || other == p || other >= work->npart) continue;
+        const cn_part *from = &work->part[other];
+        if (!from->linked || (from->rank > part->rank) != behind) continue;
+        cn_link_push(work, link, side, -link->k * cn_link_along(work, link, 1 - side, from->cg[Z]), r);
+        any = true;
+    }
+    for (int i = 0; any && i < part->body->body->nblock; i++)
+        if (part->held[i]) memset(r + 3 * i, 0, 3 * sizeof *r);
+    return any;
+}
+
+/* z = P^-1 r, P = (D + L) D^-1 (D + L'), with L the links between bodies and D the bodies' matrices in the
+ * work's order: of two that stick the softer one's holds the link, to which the other is as fixed; it gives
+ * way to that one's matrix without. However stiff the links, P differs from A by no more than the softer body
+ * adds to the other (Dirichlet-Neumann; Bjorstad and Widlund 1986). */
+static cn_status precondition(const cn_group *g)
+{
+    cn_work *work = g->work;
+    cn_status status = CN_OK;
+    for (int i = 0; i < 2 * work->npart && status == CN_OK; i++) {
+        const bool back = i >= work->npart;
+        cn_part *part = &work->part[work->order[back ? 2 * work->npart - 1 - i : i]];
+        const size_t all = 3 * (size_t)part->body->body->nblock;
+        double *r = part->cg[Q], *z = part->trial;
+        if (!part->linked) continue;
+        if (back)
+            memset(r, 0, all * sizeof *r), memset(z, 0, all * sizeof *z);
+        else
+            memcpy(r, part->cg[R], all * sizeof *r);
+        if (!take_others(g, part, back, r) && back) continue;
+        status = cn_solver_apply(part->solver, r, back ? z : part->cg[Z], work->pool);
+        for (size_t k = 0; back && k < all; k++)
+            part->cg[Z][k] += z[k];
+    }
+    return status;
+}
+
 /* All linked bodies at once. */
 static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
 {
@@ -245,10 +318,7 @@ static cn_status solve_linked(const cn_group *g, cn_step_figures *figures)
     int done = 0;
     bool bent = true;
     for (; rr > tolerance * tolerance * bb && done < 1000; done++) {
-        EACH_STAGE(g, s)
-        if (s->part->linked &&
-            (status = cn_solver_apply(s->part->solver, s->part->cg[R], s->part->cg[Z], work->pool)) != CN_OK)
-            return status;
+        if ((status = precondition(g)) != CN_OK) return status;
         const double next = dot(g, R, Z), beta = rz > 0 ? next / rz : 0;
         rz = next;
         EACH_STAGE(g, s)

@@ -137,41 +137,6 @@ static int wall_side(const cn_wall_solve *wall, const cn_link *link)
     return link->surface[0] == wall->part ? 0 : link->surface[1] == wall->part ? 1 : -1;
 }
 
-static void points_of(const cn_link *link, int side, int *begin, int *end)
-{
-    *begin = side ? link->nside : 0, *end = side ? 4 : link->nside;
-}
-
-/* j . v of one side. */
-static double along_side(const cn_work *work, const cn_link *link, int side, const double *v)
-{
-    const int surface = link->surface[side];
-    int begin, end;
-    double sum = 0;
-    if (surface >= work->npart) return 0;
-    points_of(link, side, &begin, &end);
-    for (int i = begin; i < end; i++) {
-        double d[3];
-        cn_point_motion(&work->part[surface], link->p[i] - work->surfaces->surface[surface].first, v, d);
-        sum += link->w[i] * cn_dot(link->n, d);
-    }
-    return sum;
-}
-
-/* f += y j of one side. */
-static void push_side(const cn_work *work, const cn_link *link, int side, double y, double *f)
-{
-    const int surface = link->surface[side];
-    int begin, end;
-    if (surface >= work->npart) return;
-    points_of(link, side, &begin, &end);
-    for (int i = begin; i < end; i++) {
-        double force[3] = {0, 0, 0};
-        cn_axpy(y * link->w[i], link->n, force);
-        cn_point_force(&work->part[surface], link->p[i] - work->surfaces->surface[surface].first, force, f);
-    }
-}
-
 static bool note_links(cn_wall_solve *wall, const cn_work *work)
 {
     const int first = work->surfaces->surface[wall->part].first;
@@ -185,7 +150,7 @@ static bool note_links(cn_wall_solve *wall, const cn_work *work)
         if (side < 0 || !(link->k > 0)) continue;
         if (link->surface[1 - side] == wall->part || wall->nlink == LINKS) return false;
         wall->link[wall->nlink++] = l;
-        points_of(link, side, &begin, &end);
+        cn_link_points(link, side, &begin, &end);
         for (int i = begin; i < end; i++) {
             const int v = link->p[i] - first;
             if (wall->slot[v] >= 0) continue;
@@ -213,7 +178,7 @@ bool cn_wall_take(const cn_group *g)
         const cn_link *link = &work->contact->link[wall->link[d]];
         int begin, end;
         memset(wall->column, 0, (size_t)n3 * sizeof *wall->column);
-        points_of(link, wall_side(wall, link), &begin, &end);
+        cn_link_points(link, wall_side(wall, link), &begin, &end);
         for (int i = begin; i < end; i++) {
             const double *give = wall->give + 3 * (size_t)wall->slot[link->p[i] - first] * (size_t)n3;
             for (int k = 0; k < 3; k++) { /* symmetric: rows serve as columns */
@@ -225,7 +190,7 @@ bool cn_wall_take(const cn_group *g)
         for (int c = 0; c < m; c++) {
             const cn_link *other = &work->contact->link[wall->link[c]];
             double sum = c == d ? 1 / link->k : 0;
-            points_of(other, wall_side(wall, other), &begin, &end);
+            cn_link_points(other, wall_side(wall, other), &begin, &end);
             for (int i = begin; i < end; i++)
                 sum += other->w[i] * cn_dot(other->n, wall->column + 3 * wall->slot[other->p[i] - first]);
             dense
@@ -262,15 +227,16 @@ void cn_wall_add(const cn_group *g)
     for (int c = 0; c < wall->nlink; c++) {
         const cn_link *link = &work->contact->link[wall->link[c]];
         const int other = 1 - wall_side(wall, link), surface = link->surface[other];
-        wall->along[c] = surface < work->npart ? along_side(work, link, other, work->part[surface].cg[P]) : 0;
+        wall->along[c] =
+            surface < work->npart ? cn_link_along(work, link, other, work->part[surface].cg[P]) : 0;
     }
     forces_of(wall);
     for (int c = 0; c < wall->nlink; c++) {
         const cn_link *link = &work->contact->link[wall->link[c]];
         const int other = 1 - wall_side(wall, link), surface = link->surface[other];
         if (surface >= work->npart) continue;
-        push_side(work, link, other, wall->y[c] - (link->own[other] ? link->k * wall->along[c] : 0),
-                  work->part[surface].cg[Q]);
+        cn_link_push(work, link, other, wall->y[c] - (link->own[other] ? link->k * wall->along[c] : 0),
+                     work->part[surface].cg[Q]);
     }
 }
 
@@ -283,13 +249,13 @@ cn_status cn_wall_begin(const cn_group *g)
     if (status != CN_OK) return status;
     for (int c = 0; c < wall->nlink; c++) {
         const cn_link *link = &work->contact->link[wall->link[c]];
-        wall->along[c] = along_side(work, link, wall_side(wall, link), wall->ahead);
+        wall->along[c] = cn_link_along(work, link, wall_side(wall, link), wall->ahead);
     }
     forces_of(wall);
     for (int c = 0; c < wall->nlink; c++) {
         const cn_link *link = &work->contact->link[wall->link[c]];
         const int other = 1 - wall_side(wall, link), surface = link->surface[other];
-        if (surface < work->npart) push_side(work, link, other, -wall->y[c], work->part[surface].cg[R]);
+        if (surface < work->npart) cn_link_push(work, link, other, -wall->y[c], work->part[surface].cg[R]);
     }
     return CN_OK;
 }
@@ -302,15 +268,16 @@ void cn_wall_end(const cn_group *g)
     for (int c = 0; c < wall->nlink; c++) {
         const cn_link *link = &work->contact->link[wall->link[c]];
         const int side = wall_side(wall, link), surface = link->surface[1 - side];
-        wall->along[c] = along_side(work, link, side, wall->ahead);
-        if (surface < work->npart) wall->along[c] += along_side(work, link, 1 - side, work->part[surface].dx);
+        wall->along[c] = cn_link_along(work, link, side, wall->ahead);
+        if (surface < work->npart)
+            wall->along[c] += cn_link_along(work, link, 1 - side, work->part[surface].dx);
     }
     forces_of(wall);
     memset(wall->column, 0, 3 * (size_t)wall->nvertex * sizeof *wall->column);
     for (int c = 0; c < wall->nlink; c++) {
         const cn_link *link = &work->contact->link[wall->link[c]];
         int begin, end;
-        points_of(link, wall_side(wall, link), &begin, &end);
+        cn_link_points(link, wall_side(wall, link), &begin, &end);
         for (int i = begin; i < end; i++)
             cn_axpy(-wall->y[c] * link->w[i], link->n,
                     wall->column + 3 * wall->slot[link->p[i] - work->surfaces->surface[wall->part].first]);

@@ -111,6 +111,27 @@ static void part_clear(cn_part *part)
     free(part->memory);
 }
 
+/* Softer bodies first, those whose stiffness goes all by links last. */
+static bool before(const cn_work *work, int p, int q)
+{
+    const bool linked[2] = {work->hang[p].linked, work->hang[q].linked};
+    const double spring[2] = {work->part[p].body->body->spring, work->part[q].body->body->spring};
+    return linked[0] != linked[1] ? linked[1] : spring[0] != spring[1] ? spring[0] < spring[1] : p < q;
+}
+
+/* What has no inertia may be held by its links alone: all matrices have them then. */
+static cn_status order_parts(cn_work *work)
+{
+    if (!(work->order = malloc((size_t)work->npart * sizeof *work->order))) return CN_ERR_MEMORY;
+    for (int p = 0; p < work->npart; p++) {
+        for (int q = 0; q < work->npart; q++)
+            work->part[p].rank += before(work, q, p);
+        work->order[work->part[p].rank] = p;
+        if (work->model->inertia) work->hang[p].rank = work->part[p].rank;
+    }
+    return CN_OK;
+}
+
 /* Surfaces of the bodies and the walls, and where everything is at rest. */
 static cn_status surfaces_new(cn_work *work)
 {
@@ -152,6 +173,7 @@ static cn_status surfaces_new(cn_work *work)
                                   .carry = part->carry,
                                   .linked = part->sheet || (part->carry && part->carry->nper > 0)};
     }
+    if ((status = order_parts(work)) != CN_OK) return status;
     memcpy(work->trial, work->points, n * sizeof *work->points);
     memcpy(work->goal, work->points, n * sizeof *work->points);
     memcpy(work->begin, work->points, n * sizeof *work->points);
@@ -197,7 +219,8 @@ void cn_work_free(cn_work *work)
     cn_wall_solve_free(work->wall);
     cn_contact_free(work->contact);
     cn_contact_model_free(work->surfaces);
-    free(work->hang), free(work->nfree), free(work->memory), free(work->part), free(work->stage);
+    free(work->order), free(work->hang), free(work->nfree), free(work->memory), free(work->part),
+        free(work->stage);
     free(work);
 }
 
