@@ -5,7 +5,7 @@ BIN   := $(BUILD)/devel/lib/catnav/catnav
 DEMO  := $(BUILD)/demo
 CTEST := cd $(BUILD) && ROS_HOSTNAME=localhost ctest -V -j$(JOBS)
 
-.PHONY: build packages packages-dev demo test test-reference test-insertions study fuzz asan tsan coverage lint doc clean
+.PHONY: build packages packages-dev demo test test-reference test-insertions test-oracle study fuzz asan tsan coverage lint doc clean
 
 # catkin leaves paths that do not exist yet out of the test environment: a fresh tree is configured twice
 build: packages
@@ -33,6 +33,12 @@ test-reference: build
 test-insertions: build
 	@CATNAV_ORACLE=$(BUILD)/test/oracle /usr/bin/python3 test/command/insertions.py $(BIN) \
 	    --count $(or $(COUNT),10000) --seed $(or $(SEED),1) --first $(or $(FIRST),0) --keep $(BUILD)/insertions
+
+# Whole runs judged by the oracle on every step: real vessels, and STEPS (100) of each of IPC's hard cases; CATNAV_DATA
+# has the bunny and the dolphin. Hours
+test-oracle: build
+	@CATNAV_ORACLE=$(BUILD)/test/oracle CATNAV_LONG=1 /usr/bin/python3 test/command/test_vessels.py $(BIN)
+	@CATNAV_ORACLE=$(BUILD)/test/oracle CATNAV_HARD=$(or $(STEPS),100) /usr/bin/python3 test/command/test_hard.py $(BIN)
 
 # Accuracy, stability and speed of every model into build/study/index.md: about half an hour
 study: build
