@@ -2,10 +2,11 @@
 """A strip of pictures of a run: its start, the moment of highest mean stress, its end.
 
     strip.py FRAMES OUT.png [--from X,Y,Z] [--up X,Y,Z] [--times T,T,...] [--across N]
-             [--wall OPACITY] [--trail BODY,FROM,TO ...]
+             [--wall OPACITY] [--clear BODY ...] [--trail BODY,FROM,TO ...]
 
 FRAMES is a folder that `catnav run --frames` wrote. --from: the direction the camera looks from. --times: other
-moments than those three. --across: pictures in a row. --trail: the way of a body's middle between two moments, as
+moments than those three. --across: pictures in a row. --clear: a body (a wall that gives way) drawn as walls are, its
+stress left out of the scale. --trail: the way of a body's middle between two moments, as
 far as it has come. Needs an X display (xvfb-run will do)."""
 import argparse
 import glob
@@ -46,7 +47,11 @@ def way_of(found, body, begin, end):
     """[(time, middle of the body)] from one moment to another."""
     return [(t, vtk_to_numpy(read_body(path).GetPoints().GetData()).mean(0))
             for t in sorted(found) if begin <= t <= end for path in found[t]
-            if os.path.basename(path).rsplit('_', 1)[0] == body]
+            if body_of(path) == body]
+
+
+def body_of(path):
+    return os.path.basename(path).rsplit('_', 1)[0]
 
 
 def tube(points, thick):
@@ -78,26 +83,29 @@ def main():
     ask.add_argument('--across', type=int, default=1)
     ask.add_argument('--wall', type=float, default=1)
     ask.add_argument('--width', type=int, default=1200)
+    ask.add_argument('--clear', action='append', default=[])
     ask.add_argument('--trail', action='append', default=[])
     given = ask.parse_args()
     found = frames(given.frames)
+    solid_of = lambda paths: [p for p in paths if body_of(p) not in given.clear]
     times = sorted(found)
     if given.times:
         chosen = [min(times, key=lambda t: abs(t - wish)) for wish in given.times]
     else:
-        hardest = max(times, key=lambda t: float(np.mean(stress_of([read_body(p) for p in found[t]]))))
+        hardest = max(times, key=lambda t: float(np.mean(stress_of([read_body(p) for p in solid_of(found[t])]))))
         chosen = [times[0], hardest, times[-1]]
     surfaces = list(walls(given.frames))
     trails = [way_of(found, body, float(begin), min(float(end), chosen[-1]))
               for body, begin, end in (t.split(',') for t in given.trail)]
-    shown = [[read_body(p) for p in found[t]] for t in chosen]
+    shown = [[read_body(p) for p in solid_of(found[t])] for t in chosen]
+    clear = [[read_body(p) for p in found[t] if p not in solid_of(found[t])] for t in chosen]
     high = max(float(np.percentile(stress_of(bodies), 98)) for bodies in shown)
 
     side, up = (np.array(v, float) / np.linalg.norm(v) for v in (given.side, given.up))
     across = np.cross(up, side) / np.linalg.norm(np.cross(up, side))
     up = np.cross(side, across)
     corners = []
-    for data in surfaces + [body for bodies in shown for body in bodies]:
+    for data in surfaces + [body for bodies in shown + clear for body in bodies]:
         points = vtk_to_numpy(data.GetPoints().GetData())
         corners += [points @ np.array([across, up, side]).T]
     corners += [np.array([p for _, p in way]) @ np.array([across, up, side]).T for way in trails]
@@ -114,7 +122,7 @@ def main():
     window.SetOffScreenRendering(1)
     window.SetSize(wide * given.across, tall * rows)
     window.SetMultiSamples(8)
-    for i, (time, bodies) in enumerate(zip(chosen, shown)):
+    for i, (time, bodies, gives_way) in enumerate(zip(chosen, shown, clear)):
         renderer = vtk.vtkRenderer()
         renderer.SetBackground(1, 1, 1)
         column, row = i % given.across, i // given.across
@@ -128,7 +136,7 @@ def main():
             solid.GetMapper().SetLookupTable(colours(high))
             solid.GetMapper().UseLookupTableScalarRangeOn()
             renderer.AddActor(solid)
-        for surface in surfaces:
+        for surface in surfaces + gives_way:
             renderer.AddActor(actor(surface, (0.62, 0.60, 0.56), given.wall))
         for way in trails:
             done = [p for t, p in way if t <= time]

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import xml.etree.ElementTree
 
 CATNAV = os.path.abspath(sys.argv.pop(1) if len(sys.argv) > 1 and os.access(sys.argv[1], os.X_OK)
                          else os.environ.get("CATNAV", "catnav"))
@@ -100,6 +101,16 @@ class Scenes(unittest.TestCase):
         for body in report["bodies"]:
             self.assertLess(body["shape_error"], shape_error)
             self.assertLess(abs(body["volume"] / body["rest_volume"] - 1), 1e-3)
+
+    def test_every_scene_has_a_launch_file_that_opens_it_in_a_view_of_its_own(self):
+        for name in sorted(f[:-len(".yaml")] for f in os.listdir(SCENES) if f.endswith(".yaml")):
+            if name == "all_keys":
+                continue
+            launch = os.path.join(SCENES, "..", ("demo" if name == "liver" else name) + ".launch")
+            said = {arg.get("name"): arg.get("value") or arg.get("default")
+                    for arg in xml.etree.ElementTree.parse(launch).iter("arg")}
+            self.assertEqual((said["scene"], said["view"]), (name, "demo" if name == "liver" else name))
+            self.assertTrue(os.path.exists(os.path.join(SCENES, "..", "rviz", said["view"] + ".rviz")))
 
     # bear
     def test_the_bear_and_its_tube_are_of_the_papers_size(self):
