@@ -2,12 +2,12 @@
 """A strip of pictures of a run: its start, the moment of highest mean stress, its end.
 
     strip.py FRAMES OUT.png [--from X,Y,Z] [--up X,Y,Z] [--times T,T,...] [--across N]
-             [--wall OPACITY] [--clear BODY ...] [--trail BODY,FROM,TO ...]
+             [--wall OPACITY] [--clear BODY ...] [--tight] [--trail BODY,FROM,TO ...]
 
 FRAMES is a folder that `catnav run --frames` wrote. --from: the direction the camera looks from. --times: other
 moments than those three. --across: pictures in a row. --clear: a body (a wall that gives way) drawn as walls are, its
-stress left out of the scale. --trail: the way of a body's middle between two moments, as
-far as it has come. Needs an X display (xvfb-run will do)."""
+stress left out of the scale. --tight: the walls fill the picture, whatever of the bodies lies beside. --trail: the way
+of a body's middle between two moments, as far as it has come. Needs an X display (xvfb-run will do)."""
 import argparse
 import glob
 import os
@@ -84,6 +84,7 @@ def main():
     ask.add_argument('--wall', type=float, default=1)
     ask.add_argument('--width', type=int, default=1200)
     ask.add_argument('--clear', action='append', default=[])
+    ask.add_argument('--tight', action='store_true')
     ask.add_argument('--trail', action='append', default=[])
     given = ask.parse_args()
     found = frames(given.frames)
@@ -105,7 +106,7 @@ def main():
     across = np.cross(up, side) / np.linalg.norm(np.cross(up, side))
     up = np.cross(side, across)
     corners = []
-    for data in surfaces + [body for bodies in shown + clear for body in bodies]:
+    for data in surfaces + [body for bodies in clear + ([] if given.tight else shown) for body in bodies]:
         points = vtk_to_numpy(data.GetPoints().GetData())
         corners += [points @ np.array([across, up, side]).T]
     corners += [np.array([p for _, p in way]) @ np.array([across, up, side]).T for way in trails]
