@@ -6,7 +6,7 @@
 #include "plan_avoid.h"
 #include "sim.h"
 
-enum { CN_CHECKPOINTS = 64 };
+enum { CN_CHECKPOINTS = 64, CN_LAST_STEPS = 100 };
 
 typedef struct {
     cn_state *state; /* NULL: unused */
@@ -94,10 +94,12 @@ struct cn_run_data {
     long newton;              /* Newton iterations in all, and */
     long kept;                /* those that an earlier factor served */
     cn_leave leave;
-    int nsample, sample_capacity;
-    double *fem_ms, *collision_ms, *step_ms;
-    int insertion_stride; /* steps between two notes of the bases of push drives */
-    cn_run_visit visit;   /* NULL: nobody */
+    int nsample;                                /* steps sampled */
+    int nheld, sample_capacity, sample_stride;  /* of them every stride-th is held */
+    double *fem_ms, *collision_ms, *step_ms;    /* (nheld) */
+    double worst_ms[3], last_ms[CN_LAST_STEPS]; /* largest of all of each; of the last steps, in turn */
+    int insertion_stride;                       /* steps between two notes of the bases of push drives */
+    cn_run_visit visit;                         /* NULL: nobody */
     void *visitor;
 };
 

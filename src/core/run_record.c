@@ -64,11 +64,22 @@ static cn_status note_insertion(cn_run_data *run, bool last)
     return CN_OK;
 }
 
-cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double step_s)
+/* Holds the times of a step; a long run holds those of every 2nd, 4th, ... step, so that it ends with the
+ * memory it began with. */
+static cn_status hold_times(cn_run_data *run, const double ms[3])
 {
-    if (run->nsample == run->sample_capacity) {
-        const int capacity = 2 * run->sample_capacity + 1024;
-        double **const lists[] = {&run->fem_ms, &run->collision_ms, &run->step_ms};
+    enum { MOST = 1 << 15 };
+    double **const lists[] = {&run->fem_ms, &run->collision_ms, &run->step_ms};
+    if (run->sample_stride == 0) run->sample_stride = 1;
+    if (run->nsample % run->sample_stride != 0) return CN_OK;
+    if (run->nheld == MOST) {
+        run->sample_stride *= 2, run->nheld /= 2;
+        for (int i = 0; i < 3; i++)
+            for (int k = 0; k < run->nheld; k++)
+                (*lists[i])[k] = (*lists[i])[2 * k];
+    }
+    if (run->nheld == run->sample_capacity) {
+        const int capacity = run->sample_capacity ? 2 * run->sample_capacity : 1024;
         for (int i = 0; i < 3; i++) {
             double *more = realloc(*lists[i], (size_t)capacity * sizeof *more);
             if (!more) return CN_ERR_MEMORY;
@@ -76,9 +87,20 @@ cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double
         }
         run->sample_capacity = capacity;
     }
-    run->fem_ms[run->nsample] = 1e3 * figures->fem_s;
-    run->collision_ms[run->nsample] = 1e3 * figures->collision_s;
-    run->step_ms[run->nsample++] = 1e3 * step_s;
+    for (int i = 0; i < 3; i++)
+        (*lists[i])[run->nheld] = ms[i];
+    run->nheld++;
+    return CN_OK;
+}
+
+cn_status cn_run_sample(cn_run_data *run, const cn_step_figures *figures, double step_s)
+{
+    const double ms[] = {1e3 * figures->fem_s, 1e3 * figures->collision_s, 1e3 * step_s};
+    const cn_status status = hold_times(run, ms);
+    if (status != CN_OK) return status;
+    for (int i = 0; i < 3; i++)
+        run->worst_ms[i] = fmax(run->worst_ms[i], ms[i]);
+    run->last_ms[run->nsample++ % CN_LAST_STEPS] = ms[2];
 
     cn_report *report = run->report;
     run->kept += figures->kept;
@@ -246,11 +268,14 @@ void cn_run_finish(cn_run_data *run)
         report->time.simulated_s = run->state->time;
         report->steps = run->state->step > report->steps ? run->state->step : report->steps;
     }
-    const int last = run->nsample < 100 ? run->nsample : 100;
-    report->time.step_ms_last100 = cn_spread_of(last, last > 0 ? run->step_ms + run->nsample - last : NULL);
-    report->time.step_ms = cn_spread_of(run->nsample, run->step_ms);
-    report->time.fem_ms = cn_spread_of(run->nsample, run->fem_ms);
-    report->time.collision_ms = cn_spread_of(run->nsample, run->collision_ms);
+    const int last = run->nsample < CN_LAST_STEPS ? run->nsample : CN_LAST_STEPS;
+    report->time.step_ms_last100 = cn_spread_of(last, run->last_ms);
+    report->time.step_ms = cn_spread_of(run->nheld, run->step_ms);
+    report->time.fem_ms = cn_spread_of(run->nheld, run->fem_ms);
+    report->time.collision_ms = cn_spread_of(run->nheld, run->collision_ms);
+    cn_spread *const spread[] = {&report->time.fem_ms, &report->time.collision_ms, &report->time.step_ms};
+    for (int i = 0; i < 3 && run->nheld > 0; i++)
+        spread[i]->max = run->worst_ms[i];
     const double busy = report->time.simulation_s + report->time.collision_s;
     report->time.real_time_factor = busy > 0 ? report->time.simulated_s / busy : NAN;
     report->memory_peak_bytes = cn_memory_peak();

@@ -101,6 +101,33 @@ static void a_rod_spun_about_its_own_axis_has_the_momentum_and_energy_of_its_sec
     cn_scene_free(scene);
 }
 
+/* A quarter of a million steps, each a millisecond longer than the one before, and one that took long. */
+static void a_long_run_holds_no_more_times_than_a_short_one(void **state)
+{
+    (void)state;
+    enum { STEPS = 250000, LONG = 77777 };
+    cn_scene scene = {0};
+    cn_world world = {0};
+    cn_report report = {0};
+    cn_run_data run = {.report = &report, .scene = &scene, .world = &world};
+    int most = 0;
+    for (int i = 0; i < STEPS; i++) {
+        const cn_step_figures figures = {.gap = INFINITY, .fem_s = 1, .collision_s = 2};
+        assert_int_equal(cn_run_sample(&run, &figures, i == LONG ? 1e6 : 1e-3 * i), CN_OK);
+        most = run.sample_capacity > most ? run.sample_capacity : most;
+    }
+    cn_run_finish(&run);
+    assert_int_equal(run.nsample, STEPS);
+    assert_true(most <= 1 << 15);
+    assert_true(fabs(report.time.step_ms.median / (0.5 * STEPS) - 1) < 1e-3);
+    assert_true(fabs(report.time.step_ms.p95 / (0.95 * STEPS) - 1) < 1e-3);
+    assert_true(report.time.step_ms.max == 1e9);
+    assert_true(report.time.fem_ms.median == 1e3 && report.time.collision_ms.max == 2e3);
+    assert_true(fabs(report.time.step_ms_last100.median - (STEPS - 50.5)) < 1e-9);
+    assert_true(fabs(report.time.step_ms_last100.max - (STEPS - 1)) < 1e-9);
+    free(run.fem_ms), free(run.collision_ms), free(run.step_ms);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -108,6 +135,7 @@ int main(void)
         cmocka_unit_test(growth_and_reflection_are_shape_errors_of_known_size),
         cmocka_unit_test(a_rod_spun_about_its_own_axis_has_the_momentum_and_energy_of_its_sections),
         cmocka_unit_test(all_points_in_one_are_half_a_diagonal_off_and_what_is_not_finite_has_no_error),
+        cmocka_unit_test(a_long_run_holds_no_more_times_than_a_short_one),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);
 }
