@@ -201,6 +201,15 @@ def kill(times=200, **_):
     return not wrong and (times < LONG or max(back) <= 2)
 
 
+def median(values):
+    values = sorted(values)
+    return values[len(values) // 2] if values else float('nan')
+
+
+def in_mib(sizes):
+    return ' and '.join(f'{size / 2**20:.1f}' for size in sizes)
+
+
 class Window:
     """A stretch of a plan: what its steps take."""
 
@@ -226,31 +235,31 @@ def flood(seconds=60, **_):
         os.setpriority(os.PRIO_PROCESS, int(thread), 19)
 
     def pour(seconds, rate):
-        """How many meshes, goals and cancels were sent, the highest memory meanwhile, what a step took."""
-        highest, window = 0, Window(node, goal)
+        """How many meshes, goals and cancels were sent, median and most of memory meanwhile, what a step took."""
+        memory, window = [], Window(node, goal)
         child = subprocess.Popen([sender, node.name, str(seconds), str(rate)], stdout=subprocess.PIPE, text=True)
         while child.poll() is None:
             time.sleep(0.05)
-            highest = max(highest, node.memory())
-        return [int(n) for n in child.stdout.read().split()], highest, window.end()
+            memory.append(node.memory())
+        return [int(n) for n in child.stdout.read().split()], (median(memory), max(memory)), window.end()
 
-    pour(min(10, seconds), 15)  # what a mesh that is checked beside a plan takes is no growth
+    pour(min(20, seconds), 15)  # what meshes that are checked beside a plan take is no growth
     _, memory, calm = pour(min(20, seconds), 15)
-    sent, highest, flooded = pour(seconds, 10000)
+    sent, higher, flooded = pour(seconds, 10000)
     time.sleep(7)  # the status list forgets ended goals after 5 s
-    after = node.memory()
+    _, after, _ = pour(min(20, seconds), 15)
     figures = node.diagnostics()
     alive = not goal.done.is_set()
     goal.cancel()
     ended = goal.done.wait(WAIT) and goal.result.verdict.code == Verdict.CANCELLED
     served = node.client.plan(SHORT).verdict.code in (Verdict.REACHED, Verdict.BUSY)
     node.close()
-    print(f'flood of {seconds} s: {sent} meshes, goals, cancels, {sum(sent) / seconds:.0f} a second; memory {memory / 2**20:.1f} MiB, '
-          f'at most {(highest - memory) / 2**20:+.2f}, afterwards {(after - memory) / 2**20:+.2f} MiB; a step '
+    print(f'flood of {seconds} s: {sent} meshes, goals, cancels, {sum(sent) / seconds:.0f} a second; memory, median and most, '
+          f'{in_mib(memory)} before, {in_mib(higher)} during, {in_mib(after)} MiB after; a step '
           f'{calm[0]:.2f} ms before, {flooded[0]:.2f} during, {flooded[0] / calm[0]:.2f} times (processor time {calm[1]:.3f} and '
           f'{flooded[1]:.3f} ms, {flooded[1] / calm[1]:.2f} times); {", ".join(f"{k} {v}" for k, v in figures.items() if "messages" in k or "refused" in k)}'
           f'; the plan {"lived and " if alive else "DIED, "}{"was cancelled" if ended else "DID NOT END"}')
-    growth, slower = highest - memory, flooded[0] / calm[0]
+    growth, slower = max(higher[0], after[0]) - memory[0], flooded[0] / calm[0]
     return bool(alive and ended and served and int(figures['messages dropped']) > 0 and growth < 32 * 2**20 and
                 (seconds < LONG or (growth <= 2**20 and slower <= 2)))
 
@@ -340,11 +349,6 @@ def plot(rows, folder):
         axis.set_ylabel(name)
     axes[-1].set_xlabel('time [min]')
     pyplot.savefig(os.path.join(folder, 'soak.svg'))
-
-
-def median(values):
-    values = sorted(values)
-    return values[len(values) // 2] if values else float('nan')
 
 
 class Newborn:
