@@ -76,12 +76,14 @@ typedef enum { CN_PAIR_NODE_TRIANGLE, CN_PAIR_EDGES } cn_pair_kind;
 typedef struct {
     cn_pair_kind kind;
     int surface[2];
-    int triangle;      /* node against triangle: of surface[1] */
-    int p[4];          /* points: 1 + 3, or 2 + 2 */
-    double found;      /* distance at `from` [m] */
-    double mollify;    /* edges: threshold on |ea x eb|^2 [m^4] */
-    double gap, kappa; /* the lesser of the two surfaces'; of a surface with itself gap is at most half the
-                          distance at rest */
+    int triangle;   /* node against triangle: of surface[1] */
+    int p[4];       /* points: 1 + 3, or 2 + 2 */
+    double found;   /* distance at `from` [m] */
+    double mollify; /* edges: threshold on |ea x eb|^2 [m^4] */
+    double gap;     /* the lesser of the two surfaces'; of a surface with itself at most half the distance
+                       at rest */
+    double kappa;   /* geometric mean of the two surfaces': what is soft is pressed as hard as what is
+                       stiff presses */
 } cn_pair;
 
 /* Seen by tests that share nothing with the response: exact crossings of triangle pairs, and nodes or axis

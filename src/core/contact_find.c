@@ -169,7 +169,8 @@ static bool add_pair(search *s, cn_pair *pair)
     const cn_contact_surface *b = &s->model->surface[pair->surface[1]];
     if (stays_far(s, pair)) return true;
     if (part->npair == part->capacity) return false;
-    pair->gap = fmin(a->gap, b->gap), pair->kappa = fmin(a->kappa, b->kappa);
+    pair->gap = fmin(a->gap, b->gap);
+    pair->kappa = fmax(a->kappa, b->kappa) < INFINITY ? sqrt(a->kappa * b->kappa) : fmin(a->kappa, b->kappa);
     if (a == b) pair->gap = fmin(pair->gap, 0.5 * rest_distance(a, pair));
     part->pair[part->npair++] = *pair;
     return true;

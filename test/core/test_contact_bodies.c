@@ -302,6 +302,25 @@ static void matrices_and_links_make_the_gauss_newton_stiffness(void **state)
     place_free(&p);
 }
 
+/* What presses on the soft one is the stiff one: by the soft one's barrier alone it came 4 times as near. */
+static void between_soft_and_stiff_the_barrier_is_their_geometric_mean(void **state)
+{
+    (void)state;
+    place p;
+    unsigned seed = 31;
+    int done = 0;
+    two_cubes(&p, 0);
+    p.model->surface[0].kappa = 4, p.model->surface[1].kappa = 9e4;
+    for (int i = 0; i < 20; i++) {
+        if (!approach(&p, &seed, 0.7)) continue;
+        place_find(&p, NULL, 0);
+        for (int k = 0; k < p.contact->npair; k++, done++)
+            assert_true(fabs(p.contact->pair[k].kappa - 600) < 1e-9);
+    }
+    assert_true(done > 10);
+    place_free(&p);
+}
+
 /* A pair of edges so near to parallel that the mollifier, whose second derivative is left out, acts. */
 static bool mollified(const place *p)
 {
@@ -706,6 +725,7 @@ int main(void)
         cmocka_unit_test(the_frame_and_the_order_of_surfaces_do_not_matter),
         cmocka_unit_test(stiffness_of_one_side_is_minus_the_force_gradient),
         cmocka_unit_test(matrices_and_links_make_the_gauss_newton_stiffness),
+        cmocka_unit_test(between_soft_and_stiff_the_barrier_is_their_geometric_mean),
         cmocka_unit_test(exact_links_are_the_forces_derivative_in_any_direction),
         cmocka_unit_test(links_resist_an_approach_as_the_energy_does),
         cmocka_unit_test(a_linked_body_leaves_its_matrix_alone),
