@@ -96,8 +96,9 @@ typedef struct {
     double progress_time;
     double twist; /* base turn about `direction` [rad] */
     cn_push push;
-    unsigned
-        needed; /* with a work's first body: bit k, iterate k of the last minimum was asked for its matrix */
+    /* With a work's first body, by iterates of the last minimum: which were asked for their matrix, and from
+     * which the matrix of the one before led badly. */
+    unsigned needed, stale;
 } cn_body_state;
 
 typedef struct {

@@ -471,6 +471,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
         cn_state_copy_body(&trial->body[work->first + p], &state->body[work->first + p], work->part[p].body);
     group_up(&g, work, state, trial, path, dt);
     work->needed = state->body[work->first].needed;
+    work->stale = state->step % 16 ? state->body[work->first].stale : 0; /* now and then it is tried again */
     work->collision_s = 0, work->added = 0;
     EACH_STAGE(&g, s)
     {
@@ -498,7 +499,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
              : explicit                                  ? cn_step_explicit(&g, trial, state->time, dt)
                                                          : step_euler(&g, state->time, figures);
     if (status != CN_OK) return status;
-    trial->body[work->first].needed = work->needed;
+    trial->body[work->first].needed = work->needed, trial->body[work->first].stale = work->stale;
     const bool gives_back = g.strict && bounces(model);
     if (gives_back && (status = cn_stage_bounce(&g)) != CN_OK) return status;
 

@@ -1,5 +1,5 @@
-/* step_ahead.c - the motion with which a stage's iteration begins: as far as the velocity leads, along the
- * circle on which what turns goes on, where a straight line would stretch it. */
+/* step_ahead.c - motions along circles: where a stage's iteration begins, as far as the velocity leads, and
+ * its directions; a straight line would stretch what turns. */
 #include "polar.h"
 #include "rod_spin.h"
 #include "step_parts.h"
@@ -27,7 +27,7 @@ static bool slice_of(const cn_stage *s, int index, bool chord, slice *p)
     while (p->end > p->node && p->end[-1] >= s->nfree)
         p->end--;
     for (const int *i = p->node; i < p->end; i++) {
-        cn_axpy(b->mass[*i], s->from->x + 3 * *i, centre), cn_axpy(b->mass[*i], dx + 3 * *i, p->way);
+        cn_axpy(b->mass[*i], s->x + 3 * *i, centre), cn_axpy(b->mass[*i], dx + 3 * *i, p->way);
         p->mass += b->mass[*i];
     }
     if (!(p->mass > 0)) return false;
@@ -38,7 +38,7 @@ static bool slice_of(const cn_stage *s, int index, bool chord, slice *p)
     } else {
         for (const int *i = p->node; i < p->end; i++) {
             double now[3], before[3];
-            cn_sub(s->from->x + 3 * *i, centre, now);
+            cn_sub(s->x + 3 * *i, centre, now);
             for (int k = 0; k < 3; k++)
                 before[k] = now[k] - (dx[3 * *i + k] - p->way[k]);
             for (int k = 0; k < 9; k++)

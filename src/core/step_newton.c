@@ -226,17 +226,24 @@ static double forcing(double over, double before, bool keep)
     return fmin(0.5, fmax(own, 0.5 / over));
 }
 
+/* Contact acts. */
+static bool pushed(const cn_group *g)
+{
+    return (g->pressed && g->work->penalty->nspring) ||
+           (g->strict && (g->work->contact->nrub || cn_contact_touches(g->work->contact)));
+}
+
 /* Matrices serve another iteration where the last one left no more than this part of the residual: what they
  * do not know of is less still. */
 static const double NEAR_LINEAR = 0.1;
+/* ... and are made anew once they leave more than this. */
+static const double STALE = 0.2;
 
 /* Contact's stiffness changes too fast to be kept; and what is asked down to round-off gets there best by an
  * iteration of second order. */
 static bool may_keep(const cn_group *g)
 {
-    if (g->work->model->scene->leave_out.refactor == CN_OFF) return false;
-    if (g->pressed && g->work->penalty->nspring) return false;
-    if (g->strict && (g->work->contact->nrub || cn_contact_touches(g->work->contact))) return false;
+    if (g->work->model->scene->leave_out.refactor == CN_OFF || pushed(g)) return false;
     EACH_STAGE(g, s)
     if (!s->part->settled &&
         !(s->part->model->scene->solver.tolerance * s->part->residual_scale > cn_stage_floor(s)))
@@ -370,12 +377,17 @@ static bool rubs_otherwise(const cn_group *g, int *lag, int tangent, double *ene
     return excess(g, true) > 1;
 }
 
+/* Of an iterate in the state's masks. */
+static unsigned bit(int iterate)
+{
+    return iterate >= 0 && iterate < 32 ? 1u << iterate : 0;
+}
+
 /* Notes for the next step whether the iterate was asked for its matrix. That saves evaluations; it is part of
  * the state, since with and without a matrix forces may differ by round-off. */
 static void expect(cn_work *work, int iterate, bool needed)
 {
-    if (iterate < 0 || iterate > 31) return;
-    work->needed = (work->needed & ~(1u << iterate)) | (unsigned)needed << iterate;
+    work->needed = needed ? work->needed | bit(iterate) : work->needed & ~bit(iterate);
 }
 
 cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
@@ -409,21 +421,24 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
         }
         settle(g, done > 0);
         if (done == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
-        if (done) /* too stale to gain by, or good enough still */
-            keep = isfinite(before) && over <= (keep ? 0.2 : NEAR_LINEAR) * before && (keep || may_keep(g));
+        if (keep && done > 0 && over > STALE * before) work->stale |= bit(done - 1);
+        if (done)
+            keep = isfinite(before) && over <= (keep ? STALE : NEAR_LINEAR) * before &&
+                   !(work->stale & bit(done)) && (keep || may_keep(g));
         expect(work, done - 1, !keep);
         if (!keep && !assembled) energy = evaluate(g, CN_AT_STATE, tangent);
         work->forcing = forcing(over, before, keep);
         if (rubs(g) && work->contact->nrub) work->forcing = fmin(work->forcing, STICKING);
         status = (model->single ? single_direction : newton_direction)(g, keep, &slope, figures);
         if (status != CN_OK) return status;
+        if (!pushed(g)) cn_stage_lead(g, false);
         figures->newton++;
         /* an iterate that is expected to be the last, or was so in the step before, is seen without the
          * matrix */
         double expected = isfinite(before) ? over * fmin(1, over / before) : over;
         if (done && cn_stage_iterative(g)) expected = fmin(expected, work->forcing * over);
         const bool last = done + 1 == model->newton || (expected <= 1 && arrived);
-        const int then = keep || last || !(work->needed >> (done < 31 ? done : 31) & 1) ? -1 : tangent;
+        const int then = keep || last || !(work->needed & bit(done)) ? -1 : tangent;
         before = over;
         double fraction = 1;
         if (g->strict && (status = cn_touch_allowed(g, false, &fraction)) != CN_OK) return status;

@@ -90,10 +90,10 @@ struct cn_work {
     double slip;     /* sliding in a step that still counts as sticking [m], 0: no friction */
     bool touched;    /* the surfaces of bodies take part in this step */
     double collision_s;
-    double energy_size; /* of all energies [J] */
-    double added;       /* inertia that last made the exact tangent positive definite, over M/h^2 */
-    unsigned needed;    /* of the state, as this step goes on */
-    double forcing;     /* what an iterative solver may leave of the residual */
+    double energy_size;     /* of all energies [J] */
+    double added;           /* inertia that last made the exact tangent positive definite, over M/h^2 */
+    unsigned needed, stale; /* the state's, as this step goes on */
+    double forcing;         /* what an iterative solver may leave of the residual */
     const volatile sig_atomic_t *cancel; /* NULL: nothing ends a step early */
 };
 
@@ -117,8 +117,9 @@ typedef enum { CN_AT_STATE, CN_AT_TRIAL } cn_where; /* stage->x, or part->trial 
 void cn_stage_external(const cn_stage *s, double time);
 
 /* --- step_ahead.c --- */
-/* Bends every part's dx, a straight motion by velocities, along with what turns: a compact body as a whole, a
- * slender one joint by joint. chord: the velocities are the last step's motion over its time. */
+/* Bends every part's dx, straight motions from x, along with what turns by them: a compact body as a whole, a
+ * slender one joint by joint; to second order the stretch of a straight motion is gone. chord: dx is the
+ * motion that led to x, to go on as it was; else a tangent there. */
 void cn_stage_lead(const cn_group *g, bool chord);
 
 /* --- step_explicit.c --- */

@@ -49,7 +49,7 @@ static void make(chain *c, bool rod, bool slender)
     c->of_model.body = &c->body, c->of_model.fixed = c->fixed, c->from.x = c->x;
     c->part.model = &c->model, c->part.body = &c->of_model;
     c->part.dx = c->dx, c->part.node = c->node, c->part.slice = c->slice;
-    c->stage = (cn_stage){.part = &c->part, .from = &c->from, .nfree = nnode};
+    c->stage = (cn_stage){.part = &c->part, .from = &c->from, .x = c->x, .nfree = nnode};
     c->group = (cn_group){.n = 1, .stage = &c->stage};
 }
 
@@ -179,9 +179,11 @@ static void a_free_body_keeps_its_momentum_and_a_straight_motion_is_kept(void **
 static void a_spinning_body_is_solved_in_few_iterations(void **state)
 {
     (void)state;
-    for (int kind = 0; kind < 2; kind++) {
-        cn_tets *mesh = kind ? shape_box(40, 2, 2, 0.1) : shape_box(3, 3, 3, 0.1);
-        const double spin = kind ? 5 : 30;
+    for (int kind = 0; kind < 3; kind++) {
+        cn_tets *mesh = kind == 0   ? shape_box(3, 3, 3, 0.1)
+                        : kind == 1 ? shape_box(40, 2, 2, 0.1)
+                                    : shape_chain(40, 6, 2e-3, 1e-3);
+        const double spin = kind == 1 ? 5 : 30;
         int newton = 0;
         stepper s;
         stepper_set(&s, (cn_material){.young = 1e8, .poisson = 0.3, .density = 1000}, 0.01);
@@ -196,7 +198,7 @@ static void a_spinning_body_is_solved_in_few_iterations(void **state)
             newton += s.figure.newton;
         }
         print_message("%d iterations in 10 steps\n", newton);
-        assert_true(newton <= 28); /* 40 from a straight line */
+        assert_true(newton <= 25); /* 40, 39 and 28 along straight lines */
         stepper_free(&s);
         cn_tets_free(mesh);
     }
