@@ -267,9 +267,19 @@ cn_ball cn_run_broken_at(const cn_run_data *run, int b)
     return ball;
 }
 
+/* How often the way to a waypoint may break just beside it: its ball can't grow over the waypoint. */
+enum { TRIES_BESIDE = 2 };
+static const double BESIDE = 0.9; /* of the distance to it that a ball takes */
+
+static bool stops_at(const cn_ball *ball, const double *waypoint)
+{
+    return ball->radius >= (1 - 1e-9) * BESIDE * cn_distance(ball->centre, waypoint);
+}
+
 /* A break beside an earlier one doubles its ball: near-copies of a bad edge are not tried one by one. Start
- * and waypoints stay out of it, so that ways elsewhere remain. */
-static void add_refused(cn_run_data *run, int b, const cn_ball *refused)
+ * and waypoints stay out of it, so that ways elsewhere remain. False where a waypoint itself is out of reach.
+ */
+static bool add_refused(cn_run_data *run, int b, const cn_ball *refused)
 {
     cn_run_body *body = &run->body[b];
     const cn_body_spec *spec = &run->spec[b];
@@ -281,9 +291,17 @@ static void add_refused(cn_run_data *run, int b, const cn_ball *refused)
             ball.radius = fmax(ball.radius, 2 * body->refused[i].radius);
     for (int i = -1; i < spec->nwaypoint; i++) {
         const double away = cn_distance(i < 0 ? start : spec->waypoint + 3 * i, ball.centre);
-        if (away > 0) ball.radius = fmin(ball.radius, 0.9 * away);
+        if (away > 0) ball.radius = fmin(ball.radius, BESIDE * away);
+    }
+    int beside = 0;
+    for (int i = 0; i < spec->nwaypoint && beside <= TRIES_BESIDE; i++) {
+        const double *waypoint = spec->waypoint + 3 * i;
+        beside = stops_at(&ball, waypoint);
+        for (int k = 0; beside && k < body->nrefused; k++)
+            beside += stops_at(&body->refused[k], waypoint);
     }
     body->refused[body->nrefused++] = ball;
+    return beside <= TRIES_BESIDE;
 }
 
 bool cn_run_yield(cn_run_data *run, int b, cn_ball *refused, cn_verdict *broken, cn_status *status)
@@ -336,7 +354,7 @@ cn_status cn_run_replan(cn_run_data *run, int b, const cn_ball *refused)
         if (!more) return CN_ERR_MEMORY;
         body->refused = more, body->refused_capacity = capacity;
     }
-    add_refused(run, b, refused);
+    if (!add_refused(run, b, refused)) return CN_ERR_NO_PATH;
     body->looked = -1;
     if ((status = cn_path_copy(&old, body->path)) != CN_OK) return status;
     if ((status = cn_run_plan_body(run, b)) == CN_OK) {

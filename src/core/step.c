@@ -196,6 +196,7 @@ static cn_status step_euler(const cn_group *g, double time, cn_step_figures *fig
     if ((status = cn_stage_start(g, !g->work->model->single)) != CN_OK) return status;
     status = cn_stage_minimise(g, figures);
     if ((status != CN_ERR_CONVERGENCE && status != CN_ERR_NOT_FINITE) || g->work->moving) return status;
+    g->work->straight = true;
     EACH_STAGE(g, s)
     EACH_FREE(s, i)
     { /* or at rest, where that leads too far */
@@ -472,7 +473,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
     group_up(&g, work, state, trial, path, dt);
     work->needed = state->body[work->first].needed;
     work->stale = state->step % 16 ? state->body[work->first].stale : 0; /* now and then it is tried again */
-    work->collision_s = 0, work->added = 0;
+    work->collision_s = 0, work->added = 0, work->straight = false;
     EACH_STAGE(&g, s)
     {
         cn_part *part = s->part;

@@ -14,6 +14,9 @@ typedef struct {
     double mass;
 } slice;
 
+/* What turns farther goes straight on [rad]: no series reaches so far, and what seems to turn may be torn. */
+static const double FAR = 0.5;
+
 /* The rotation nearest to what took the slice from x - dx to x (Kabsch 1976, by masses); of a rod's station
  * its own. A chord goes on by all of it, a tangent by half. */
 static bool slice_of(const cn_stage *s, int index, bool chord, slice *p)
@@ -48,9 +51,10 @@ static bool slice_of(const cn_stage *s, int index, bool chord, slice *p)
         if (size[1] > 1e-9 * size[0])
             cn_spin_between(one, q, p->turn); /* a line shows no turn about itself */
     }
+    if (!(cn_norm(p->turn) < FAR)) return false;
     for (int k = 0; k < 3; k++)
         p->turn[k] *= chord ? 1 : 0.5;
-    return isfinite(cn_norm2(p->turn));
+    return true;
 }
 
 /* Its nodes go `way`, and turn about that. */
@@ -68,7 +72,7 @@ static void lead(const slice *p, const double way[3], double *dx)
 
 /* Slices from `last`, which goes as it does, to the end on one side, each joint turned along with both of its
  * slices; adds momentum gained and mass. */
-static bool lead_side(const cn_stage *s, slice last, int from, int side, int n, bool chord, double gained[3],
+static void lead_side(const cn_stage *s, slice last, int from, int side, int n, bool chord, double gained[3],
                       double *mass)
 {
     double way[3];
@@ -76,7 +80,7 @@ static bool lead_side(const cn_stage *s, slice last, int from, int side, int n, 
     for (int j = from + side; j >= 0 && j < n; j += side) {
         slice next;
         double joint[3], middle[3], r[9], turned[3];
-        if (!slice_of(s, j, chord, &next)) return false;
+        slice_of(s, j, chord, &next);
         cn_sub(next.way, last.way, joint);
         for (int k = 0; k < 3; k++)
             middle[k] = 0.5 * (last.turn[k] + next.turn[k]);
@@ -89,7 +93,6 @@ static bool lead_side(const cn_stage *s, slice last, int from, int side, int n, 
         *mass += next.mass;
         last = next;
     }
-    return true;
 }
 
 /* Outwards from the slices that are held, or from a sheath; a body that nothing holds keeps its momentum. */
@@ -110,13 +113,16 @@ static void lead_body(const cn_stage *s, bool chord)
     if (!nheld) low = high = sheathed ? n - 1 : 0;
 
     slice start;
+    for (int j = 0; j < n; j++)
+        if (!slice_of(s, j, chord, &start)) return; /* all of it or nothing */
     double gained[3] = {0, 0, 0}, mass = 0;
-    if (!slice_of(s, low, chord, &start) || !lead_side(s, start, low, -1, n, chord, gained, &mass)) return;
+    slice_of(s, low, chord, &start);
+    lead_side(s, start, low, -1, n, chord, gained, &mass);
     if (!nheld) lead(&start, start.way, part->dx);
     mass += start.mass;
-    if (high > low && !slice_of(s, high, chord, &start)) return;
-    if (!lead_side(s, start, high, 1, n, chord, gained, &mass) || !loose) return;
-    for (int i = 0; i < s->nfree; i++)
+    if (high > low) slice_of(s, high, chord, &start);
+    lead_side(s, start, high, 1, n, chord, gained, &mass);
+    for (int i = 0; loose && i < s->nfree; i++)
         cn_axpy(-1 / mass, gained, part->dx + 3 * i);
 }
 

@@ -431,7 +431,7 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
         if (rubs(g) && work->contact->nrub) work->forcing = fmin(work->forcing, STICKING);
         status = (model->single ? single_direction : newton_direction)(g, keep, &slope, figures);
         if (status != CN_OK) return status;
-        if (!pushed(g)) cn_stage_lead(g, false);
+        if (!work->straight && !pushed(g)) cn_stage_lead(g, false);
         figures->newton++;
         /* an iterate that is expected to be the last, or was so in the step before, is seen without the
          * matrix */

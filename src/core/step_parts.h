@@ -92,6 +92,7 @@ struct cn_work {
     double collision_s;
     double energy_size;     /* of all energies [J] */
     double added;           /* inertia that last made the exact tangent positive definite, over M/h^2 */
+    bool straight;          /* directions are taken as they are, not along circles */
     unsigned needed, stale; /* the state's, as this step goes on */
     double forcing;         /* what an iterative solver may leave of the residual */
     const volatile sig_atomic_t *cancel; /* NULL: nothing ends a step early */

@@ -102,7 +102,7 @@ static const double none[3] = {0, 0, 0};
 
 static void what_turned_goes_on_turning(void **state)
 {
-    const double w[3] = {0.5, -0.3, 0.7}, shift[3] = {0.2, 0.1, -0.4};
+    const double w[3] = {0.25, -0.15, 0.35}, shift[3] = {0.2, 0.1, -0.4};
     (void)state;
     for (int kind = 0; kind < 3; kind++) {
         chain c;
