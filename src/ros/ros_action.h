@@ -119,15 +119,21 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
         message.header.stamp = ros::Time::now();
         message.status = status;
         message.feedback = feedback;
+        { // a client that cancels a goal which no status has named yet takes the next list without it for its
+          // end
+            boost::recursive_mutex::scoped_lock lock(lock_);
+            if (held_) told_ = ros::WallTime(), publishStatus();
+        }
         feedback_.publish(message);
     }
 
-    // At most every `between`: the timer tells what was held back.
+    // At most every `between`: the timer, or what a goal has to tell first, brings what was held back.
     void publishStatus() override
     {
         boost::recursive_mutex::scoped_lock lock(lock_);
         const ros::WallTime now = ros::WallTime::now();
-        if (now - told_ < ros::WallDuration(between)) return;
+        held_ = now - told_ < ros::WallDuration(between);
+        if (held_) return;
         told_ = now;
         forget();
         actionlib_msgs::GoalStatusArray message;
@@ -143,5 +149,6 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
     ros::Subscriber goal_, cancel_;
     ros::WallTimer timer_;
     ros::WallTime told_;
+    bool held_ = false; // the list has changed since
 };
 } // namespace catnav
