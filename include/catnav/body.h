@@ -27,8 +27,9 @@ typedef struct cn_scatter cn_scatter;
  * nnode + i being the rotation vector of node i's frame since the start of the step: x holds it behind the
  * positions, (nblock x 3) in all, and it is zero between steps. `rotation` (nturn x 4 unit quaternions w x y
  * z) is a tetrahedron's warm start of the polar decomposition (tet10: one for each integration point), which
- * calls update; a rod's are its frames at the start of the step (axes n, b, t: t along the rod), which calls
- * leave.
+ * calls update; a rod's are its frames at the start of the step (axes n, b, t: t along the rod) and behind
+ * them (w 0 0 0), w the share of its rest curvature that is in force (1, but of a steered end); calls leave
+ * them.
  *
  * What walls, frames and rviz see are the points: the nodes themselves, or of a rod the nodes of the
  * tetrahedra that ride on its frames, as many for each node, in the order of the nodes. */

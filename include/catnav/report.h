@@ -80,8 +80,8 @@ typedef struct {
 /* Where the base of a push drive was: what a robot would run. */
 typedef struct {
     int body, step;
-    double time, advance,
-        twist; /* [s]; of the tip past the entry along the device [m]; about its axis [rad] */
+    double time, advance, twist; /* [s]; of the tip past the entry along the device [m]; of the base [rad] */
+    double curvature;            /* to which its end is bent: pre-bent, or as steered [1/m] */
 } cn_insertion;
 
 typedef struct {

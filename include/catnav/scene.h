@@ -153,6 +153,7 @@ typedef struct {
     double force_threshold; /* NAN: auto */
     double advance_max, twist_max;
     double bend_length, bend_curvature;
+    bool bend_steered; /* the end is straight at rest, and bent by up to that as the path asks */
 } cn_drive_spec;
 
 typedef enum { CN_SAMPLING_UNIFORM, CN_SAMPLING_MEDIAL_AXIS, CN_SAMPLING_CONTACT } cn_sampling;

@@ -8,7 +8,12 @@
  * the shaft is wound up by half a turn. An end that points elsewhere is turned before it goes on. One that
  * has strayed (a wall hides its place on the path from it), no longer follows its base, or is about to break
  * a limit is drawn back, turned, and tried again, a bounded number of times on a stretch of its own length;
- * the tries aim more and more to the sides of d. Then the limits decide, `progress` among them. */
+ * the tries aim more and more to the sides of d. Then the limits decide, `progress` among them.
+ *
+ * A steered end begins straight; the curvature that it has at rest is what changes, as if wires in it did it,
+ * to either side of n. It is that of the arc from the root, along u, to a point of the path a little ahead of
+ * the tip: 2 sin(a) / r, a between u and the chord, r the chord's length (pure pursuit, Coulter 1992), as far
+ * as it lies in the plane of n; the base turns the plane. It is drawn back straight. */
 #include "sim.h"
 
 #include <math.h>
@@ -17,11 +22,19 @@
 
 enum { TRIES = 8 }; /* on one stretch */
 static const double pi = 3.14159265358979323846, most_turning = 4 * 3.14159265358979323846; /* for one try */
+static const double time_to_bend = 0.5; /* of a steered end, from straight to its full curvature [s] */
 
 /* A section of the catheter: its centre, n and heading towards the tip. */
 typedef struct {
     double x[3], n[3], u[3];
 } section;
+
+/* What the end is to do. */
+typedef struct {
+    double angle;  /* by which it has to turn [rad] */
+    double weight; /* 0: that does not matter, up to 1 */
+    double bend;   /* of a steered end, wanted, as in cn_push */
+} aim;
 
 static void section_at(const cn_model_body *body, const cn_body_state *state, int first, section *out)
 {
@@ -90,22 +103,19 @@ static double stretch_of(const cn_model_body *body)
     return fmax(bend_length(body), 4 * body->diameter);
 }
 
-/* Where the way leads from, seen by the end, and to, over its length and as much again: along the path; close
- * to a waypoint from the root to it. */
+/* Where the way leads from, seen by the end, and to, over its length and as much again, half as much for a
+ * steered one: along the path; close to a waypoint, and for a steered end, from the root. */
 static void way_ahead(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
                       const section *root, double from[3], double to[3])
 {
-    const double look = bend_length(body);
+    const double length = bend_length(body), look = body->spec->drive.bend_steered ? 0.5 * length : length;
     const int next = state->waypoint < path->nwaypoint ? state->waypoint : path->nwaypoint - 1;
+    const bool near = fabs(path->s[path->waypoint[next]] - state->s_goal) < look;
     cn_place place;
-    if (fabs(path->s[path->waypoint[next]] - state->s_goal) < look) {
-        cn_copy3(root->x, from), cn_copy3(body->spec->waypoint + 3 * next, to);
-        return;
-    }
     cn_path_at(path, state->s_goal - look, &place);
-    cn_copy3(place.x, from);
+    cn_copy3(near || body->spec->drive.bend_steered ? root->x : place.x, from);
     cn_path_at(path, state->s_goal + look, &place);
-    cn_copy3(place.x, to);
+    cn_copy3(near ? body->spec->waypoint + 3 * next : place.x, to);
 }
 
 /* Side of d that a try aims at: d itself, then more and more to either side. */
@@ -115,23 +125,39 @@ static double side_of(int tries)
     return (k % 2 ? 1 : -1) * 0.25 * pi * ((k + 1) / 2);
 }
 
-/* Angle by which the end has to turn [rad]; weight 0: it does not matter, up to 1. */
-static double steering(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
-                       double *weight)
+/* A steered end bends away from n as well as towards it: whichever it does now, unless the other is nearer by
+ * far. */
+static void aim_steered(const cn_model_body *body, const cn_body_state *state, double chord, double side,
+                        aim *a)
+{
+    const double bend = 2 * side / (chord * body->spec->drive.bend_curvature);
+    double sense = state->push.bend < 0 ? -1 : 1;
+    if (sense * cos(a->angle) < -0.3) sense = -sense;
+    if (sense < 0) a->angle = remainder(a->angle + pi, 2 * pi);
+    a->weight = fmin(1, 4 * bend);
+    a->bend = state->push.phase == CN_PUSH_BACK ? 0 : sense * fmin(bend, 1) * fmax(cos(a->angle), 0);
+}
+
+static aim steering(const cn_model_body *body, const cn_body_state *state, const cn_path *path)
 {
     section root;
     double from[3], to[3], d[3];
-    *weight = 0;
-    if (!(bend_length(body) > 0)) return 0;
+    aim a = {0};
+    if (!(bend_length(body) > 0)) return a;
     section_at(body, state, section_behind(body, state, bend_length(body)), &root);
     way_ahead(body, state, path, &root, from, to);
     cn_sub(to, from, d);
-    cn_normalise(d);
+    const double chord = cn_normalise(d);
     if (state->push.tries > 0) cn_axpy(-0.3, state->push.strayed, d);
-    cn_axpy(-cn_dot(d, root.u), root.u, d);
-    *weight = fmin(1, 10 * cn_norm(d));
-    const double angle = remainder(angle_about(root.u, root.n, d) + side_of(state->push.tries), 2 * pi);
-    return fabs(angle) > pi / 2 && angle * state->push.sense < 0 ? angle + 2 * pi * state->push.sense : angle;
+    const double ahead = cn_dot(d, root.u);
+    cn_axpy(-ahead, root.u, d);
+    a.weight = fmin(1, 10 * cn_norm(d));
+    a.angle = remainder(angle_about(root.u, root.n, d) + side_of(state->push.tries), 2 * pi);
+    if (body->spec->drive.bend_steered)
+        aim_steered(body, state, chord, ahead > 0 ? cn_norm(d) : 1, &a);
+    else if (fabs(a.angle) > pi / 2 && a.angle * state->push.sense < 0)
+        a.angle += 2 * pi * state->push.sense;
+    return a;
 }
 
 static double clamp(double value, double low, double high)
@@ -155,6 +181,11 @@ cn_status cn_push_check(const cn_body_spec *spec, bool sheath, cn_error *error)
         return cn_fail(error, CN_ERR_SCENE, NULL, 0,
                        "%s: drive.tip_bend has length %g m and curvature %g 1/m: give both, or neither",
                        spec->name, length, curvature);
+    if (drive->bend_steered && spec->model != CN_BODY_ROD)
+        return cn_fail(error, CN_ERR_SCENE, NULL, 0,
+                       "%s: drive.tip_bend is steered: that takes the model rod; `steered: off` gives "
+                       "tetrahedra a pre-bent end",
+                       spec->name);
     if (!(length < device))
         return cn_fail(error, CN_ERR_SCENE, NULL, 0,
                        "%s: drive.tip_bend is %g m long, the catheter itself %g m: bend less of it",
@@ -186,9 +217,11 @@ void cn_push_prepare(const cn_model_body *body, const cn_body_state *state, cons
     const double most = spec->advance_max * dt, ahead = cn_drive_aim(body, state, path) - state->s_goal;
     const double left = ahead >= 0 ? fmax(ahead - spec->rest_length, 0) : ahead;
     const double last = body->behind[body->body->nnode - 1]; /* its end stays in the sheath */
-    double weight;
-    const double angle = steering(body, state, path, &weight);
-    const double slower = (1 - 0.5 * weight * (1 - cos(angle))) * clamp(5 * (push->margin - 0.05), 0.1, 1);
+    const aim to = steering(body, state, path);
+    const double bend = clamp(to.bend - push->bend, -dt / time_to_bend, dt / time_to_bend);
+    const double slower = (1 - 0.5 * to.weight * (1 - cos(to.angle))) *
+                          clamp(1.2 - fabs(to.bend - push->bend), 0.1, 1) *
+                          clamp(5 * (push->margin - 0.05), 0.1, 1);
     double advance = clamp(left / cn_drive_lookahead(body), -1, slower) * spec->speed * dt;
 
     if (push->phase == CN_PUSH_TURN) advance = 0;
@@ -200,11 +233,19 @@ void cn_push_prepare(const cn_model_body *body, const cn_body_state *state, cons
         const int out = cn_sheath_out(body, state->inserted + drive->advance);
         drive->nfree = out < state->nfree ? out : state->nfree;
     }
+    drive->bend = push->bend + bend;
     if (push->phase == CN_PUSH_BACK) return;
-    drive->turn = clamp(weight * angle * dt / (10 * body->tick), -spec->twist_max * dt, spec->twist_max * dt);
+    drive->turn =
+        clamp(to.weight * to.angle * dt / (10 * body->tick), -spec->twist_max * dt, spec->twist_max * dt);
     if (drive->turn == 0) return;
     const double wind = wound(body, state);
     if (fabs(wind) > pi && wind * drive->turn > 0) drive->turn = 0;
+}
+
+void cn_push_bend(const cn_model_body *body, cn_body_state *state, double bend)
+{
+    if (body->spec->drive.mode != CN_DRIVE_PUSH || !body->spec->drive.bend_steered) return;
+    state->push.bend = state->rotation[4 * (size_t)body->body->nnode] = bend;
 }
 
 void cn_push_back(cn_body_state *state, double inserted)
@@ -231,9 +272,9 @@ void cn_push_progress(const cn_model_body *body, cn_body_state *state, const cn_
 {
     const double stretch = stretch_of(body);
     cn_push *push = &state->push;
-    double weight;
-    const double angle = steering(body, state, path, &weight);
-    const bool turns = weight > 0.5 && push->turned < most_turning;
+    const aim to = steering(body, state, path);
+    const double angle = to.angle;
+    const bool turns = to.weight > 0.5 && push->turned < most_turning;
 
     if (state->s_goal > push->best + 0.1 * body->spec->waypoint_tolerance)
         push->best = state->s_goal, push->best_at = state->inserted;

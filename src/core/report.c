@@ -157,8 +157,9 @@ static json_t *left_out(const cn_left_out *l)
 
 static json_t *insertion(const cn_report *r, const cn_insertion *i)
 {
-    return json_pack("{s:o, s:o, s:o, s:o}", "body", text(r->body[i->body].name), "time", number(i->time),
-                     "advance", number(i->advance), "twist", number(i->twist));
+    return json_pack("{s:o, s:o, s:o, s:o, s:o}", "body", text(r->body[i->body].name), "time",
+                     number(i->time), "advance", number(i->advance), "twist", number(i->twist), "curvature",
+                     number(i->curvature));
 }
 
 /* Appends to a list; both may be NULL. */

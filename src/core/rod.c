@@ -143,7 +143,8 @@ static cn_status allocate(cn_body *body, int nnode)
     cn_rod *rod = calloc(1, sizeof *rod);
     if (!rod) return CN_ERR_MEMORY;
     body->own = rod, body->methods = &cn_body_rod, body->model = CN_BODY_ROD;
-    body->nnode = body->nturn = nnode, body->nblock = 2 * nnode, body->nelement = nnode - 1, body->nper = 4;
+    body->nnode = nnode, body->nturn = nnode + 1, body->nblock = 2 * nnode, body->nelement = nnode - 1,
+    body->nper = 4;
     body->connect = calloc(n, 4 * sizeof *body->connect);
     body->rest = calloc(n, 3 * sizeof *body->rest);
     body->mass = calloc(n, sizeof *body->mass);
@@ -151,7 +152,8 @@ static cn_status allocate(cn_body *body, int nnode)
     rod->stride = nnode + 2 * CN_ROD_CHUNK;
     rod->constant = calloc((size_t)rod->stride, CN_ROD_CONSTANTS * sizeof *rod->constant);
     rod->section = calloc(n, sizeof *rod->section);
-    rod->frame = calloc(n, 4 * sizeof *rod->frame);
+    rod->frame = calloc(n + 1, 4 * sizeof *rod->frame);
+    if (rod->frame) rod->frame[4 * n] = 1;
     rod->kernel = cn_rod_kernel_pick(2);
     return body->connect && body->rest && body->mass && body->inertia && rod->constant && rod->section &&
                    rod->frame
@@ -231,7 +233,7 @@ static void rod_free(cn_body *body)
 static void rod_rotation_start(const cn_body *body, double *rotation)
 {
     const cn_rod *rod = body->own;
-    memcpy(rotation, rod->frame, 4 * (size_t)body->nnode * sizeof *rotation);
+    memcpy(rotation, rod->frame, 4 * (size_t)body->nturn * sizeof *rotation);
 }
 
 /* A line that turns by more than a right angle between two segments is no curve. */

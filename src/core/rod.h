@@ -2,9 +2,10 @@
  *
  * Node i has a place p and a frame R (axes n, b, t; t runs from node i to node i + 1, a catheter's from its
  * tip to its base). A segment has the strains of one point, between its nodes:
- *     Gamma = R_m' (p_j - p_i) / L - Gamma_0,    kappa = 2 sigma(|b|^2) b / L - kappa_0,
+ *     Gamma = R_m' (p_j - p_i) / L - Gamma_0,    kappa = 2 sigma(|b|^2) b / L - w kappa_0,
  * R_m half way from R_i to R_j, b the vector part of conj(q_i) q_j, sigma(s^2) the series of asin(s) / s:
- * kappa is the rotation vector over L (Simo 1985; one point per element: Simo and Vu-Quoc 1986, no locking).
+ * w the share of the rest curvature in force, the last of the rotations (1, but of a steered end), and kappa
+ * is the rotation vector over L (Simo 1985; one point per element: Simo and Vu-Quoc 1986, no locking).
  * Energy L/2 (Gamma' diag(kGA, kGA, EA) Gamma + kappa' diag(EI_n, EI_b, GJ) kappa). */
 #ifndef CN_ROD_H
 #define CN_ROD_H
@@ -56,7 +57,7 @@ typedef struct cn_rod {
     double *constant;
     int stride;
     cn_section *section; /* (nelement) */
-    double *frame;       /* at rest, unit quaternions (nnode x 4) */
+    double *frame;       /* at rest, unit quaternions, and (1 0 0 0) (nnode + 1 x 4) */
     double *offset;      /* of points in their frames [m] (npoint x 3) */
     int *start, *riding; /* tetrahedra of segment s: riding[start[s]] .. (nelement + 1), (ntet) */
     double *fibre; /* of riding[k]: centre along n and b [m], twist's shear there per its rate [Pa m] (x 3) */

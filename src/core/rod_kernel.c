@@ -165,7 +165,8 @@ typedef struct {
     v8 strain[6], energy;
 } segments;
 
-INLINE void strains(const cn_rod *rod, int first, const nodes *node, int k, segments *s)
+/* bent: the share of kappa_0 in force. */
+INLINE void strains(const cn_rod *rod, double bent, int first, const nodes *node, int k, segments *s)
 {
     const double *constant = rod->constant + 1 + first + k;
     v8 c[CN_ROD_CONSTANTS], p[4], q[4], v[3], pq[3], m[4];
@@ -211,7 +212,7 @@ INLINE void strains(const cn_rod *rod, int first, const nodes *node, int k, segm
     for (int i = 0; i < 3; i++) {
         s->stiff[i] = c[CN_ROD_FORCE + i], s->stiff_bend[i] = c[CN_ROD_MOMENT + i];
         s->strain[i] = v[i] * inverse - c[CN_ROD_STRETCH + i];
-        s->strain[3 + i] = twice * s->b[i] - c[CN_ROD_BEND + i];
+        s->strain[3 + i] = twice * s->b[i] - bent * c[CN_ROD_BEND + i];
         s->force[i] = s->stiff[i] * s->strain[i];
         s->moment[i] = s->stiff_bend[i] * s->strain[3 + i];
     }
@@ -469,7 +470,7 @@ INLINE double chunk_elastic(const cn_rod_job *job, int chunk, cn_rod_strains *st
     for (int k = 0; k < columns; k += CN_ROD_LANES) {
         pieces *now = &piece[k / CN_ROD_LANES % 2], *last = &piece[1 - k / CN_ROD_LANES % 2];
         segments s;
-        strains(rod, first, &node, k, &s);
+        strains(rod, job->rotation[4 * (size_t)job->body->nnode], first, &node, k, &s);
         /* segment `first` is the chunk's before; a segment behind the last active node is none */
         const int begin = k == 0, end = stop - first - k < CN_ROD_LANES ? stop - first - k : CN_ROD_LANES;
         const int whole = job->nactive - 1 - (first + k) < end ? job->nactive - 1 - (first + k) : end;

@@ -28,6 +28,14 @@ void cn_run_verdict(cn_run_data *run, cn_verdict_code code, const char *format, 
     va_end(arguments);
 }
 
+static cn_insertion insertion_at(const cn_run_data *run, int b)
+{
+    const cn_body_state *now = &run->state->body[b];
+    const cn_drive_spec *drive = &run->spec[b].drive;
+    return (cn_insertion){b, run->state->step, run->state->time, now->inserted, now->twist,
+                          drive->bend_curvature * (drive->bend_steered ? now->push.bend : 1)};
+}
+
 /* Notes where the bases of push drives are; when all places are taken, every second note is let go. What lies
  * ahead of this step was taken back. */
 static cn_status note_insertion(cn_run_data *run, bool last)
@@ -44,8 +52,10 @@ static cn_status note_insertion(cn_run_data *run, bool last)
         run->insertion_stride = 1;
         for (int b = 0; b < run->nbody; b++) /* where they began */
             if (run->spec[b].drive.mode == CN_DRIVE_PUSH)
-                report->drive.insertion[report->drive.ninsertion++] =
-                    (cn_insertion){.body = b, .advance = run->spec[b].shape.catheter.inserted};
+                report->drive.insertion[report->drive.ninsertion++] = (cn_insertion){
+                    .body = b,
+                    .advance = run->spec[b].shape.catheter.inserted,
+                    .curvature = run->spec[b].drive.bend_steered ? 0 : run->spec[b].drive.bend_curvature};
     }
     cn_insertion *list = report->drive.insertion;
     while (report->drive.ninsertion > 0 && list[report->drive.ninsertion - 1].step >= step)
@@ -59,8 +69,7 @@ static cn_status note_insertion(cn_run_data *run, bool last)
     if (!last && step % run->insertion_stride != 0) return CN_OK;
     for (int b = 0; b < run->nbody; b++)
         if (run->spec[b].drive.mode == CN_DRIVE_PUSH)
-            list[report->drive.ninsertion++] = (cn_insertion){
-                b, step, run->state->time, run->state->body[b].inserted, run->state->body[b].twist};
+            list[report->drive.ninsertion++] = insertion_at(run, b);
     return CN_OK;
 }
 

@@ -120,7 +120,7 @@ cn_status cn_run_skin_hang(cn_run_data *run, int b)
         const cn_tets tets = {body->npoint, body->ntet, body->point, body->tet, body->mid};
         status = cn_skin_new_embedded(&own->skin, own->surface, &tets, &run->error);
     } else {
-        if (!(own->node_turn = malloc(4 * (size_t)body->nnode * sizeof *own->node_turn)))
+        if (!(own->node_turn = malloc(4 * ((size_t)body->nnode + 1) * sizeof *own->node_turn)))
             return CN_ERR_MEMORY;
         const bool rod = body->model == CN_BODY_ROD;
         if (rod) cn_body_rotation_start(body, own->node_turn); /* its frames at rest */

@@ -189,8 +189,9 @@ static const cn_key load_keys[] = {
     {0}};
 static const cn_schema load_schema = {load_keys, cn_check_load};
 static const cn_key bend_keys[] = {
-    {"length",    CN_KEY_REAL, 0, "0", 0, INF, "m", "of the pre-bent end, from the tip", AT(cn_drive_spec, bend_length)},
-    {"curvature", CN_KEY_REAL, 0, "0", 0, INF, "1/m", "of the pre-bent end at rest", AT(cn_drive_spec, bend_curvature)},
+    {"length",    CN_KEY_REAL, 0, "0", 0, INF, "m", "of the bent end, from the tip", AT(cn_drive_spec, bend_length)},
+    {"curvature", CN_KEY_REAL, 0, "0", 0, INF, "1/m", "of the end at rest; where it is steered the most to either side", AT(cn_drive_spec, bend_curvature)},
+    {"steered",   CN_KEY_FLAG, 0, "off", 0, 0, "", "whether the end, straight at rest, is bent as the path asks; off: it is pre-bent", AT(cn_drive_spec, bend_steered), .choices = "off|on"},
     {0}};
 static const cn_schema bend_schema = {bend_keys, NULL};
 static const cn_key control_keys[] = {
@@ -208,7 +209,7 @@ static const cn_key drive_keys[] = {
     {"force_threshold", CN_KEY_REAL,    CN_MAY_AUTO | CN_ABOVE, "auto",   0, INF, "N", "a waypoint also needs the goal force below this", AT(cn_drive_spec, force_threshold)},
     {"advance_max",     CN_KEY_REAL,    CN_ABOVE,               "0.05",   0, INF, "m/s", "push: fastest advance of the base", AT(cn_drive_spec, advance_max)},
     {"twist_max",       CN_KEY_REAL,    CN_ABOVE,               "3.14",   0, INF, "rad/s", "push: fastest turn of the base", AT(cn_drive_spec, twist_max)},
-    {"tip_bend",        CN_KEY_MAP,     0,                      "", ANY, "push: the pre-bent end that turning the base steers", MAP(bend_schema)},
+    {"tip_bend",        CN_KEY_MAP,     0,                      "", ANY, "push: the end that finds the way: pre-bent and steered by turning the base, or bent besides", MAP(bend_schema)},
     {0}};
 static const cn_schema drive_schema = {drive_keys, NULL};
 static const cn_key region_plane_keys[] = {

@@ -82,6 +82,7 @@ typedef struct {
     double margin;        /* to the nearest limit, as a share of it; 1: none near */
     double strayed[3];    /* unit vector from the path to where it was before the last try */
     bool hidden;          /* a wall lies between the goal node and its place on the path */
+    double bend;          /* of a steered end, as a share of its full curvature; below 0: away from n */
 } cn_push;
 
 typedef struct {
@@ -198,6 +199,7 @@ typedef struct {
     double distance;    /* path_distance [m] */
     double advance;     /* base advance in this step [m] */
     double turn;        /* and turn [rad] */
+    double bend;        /* of a steered end, as in cn_push */
     int nfree;          /* nodes free in this step: fewer than before where the base draws them in */
 } cn_drive;
 void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, const cn_path *path, double dt,
@@ -220,6 +222,8 @@ void cn_push_prepare(const cn_model_body *body, const cn_body_state *state, cons
                      cn_drive *drive);
 /* After a step, with s_goal known: whether to go on, to turn, or to draw back and try again. */
 void cn_push_progress(const cn_model_body *body, cn_body_state *state, const cn_path *path);
+/* Gives a steered end `bend` (cn_push); it is part of the rod's rotations (body.h). Others: nothing. */
+void cn_push_bend(const cn_model_body *body, cn_body_state *state, double bend);
 /* Draws the base back to `inserted` before it goes on, along whatever path it is then given. */
 void cn_push_back(cn_body_state *state, double inserted);
 /* True while it turns or draws back: no progress is asked of it. */

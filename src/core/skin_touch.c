@@ -230,7 +230,7 @@ cn_status cn_skin_touch(cn_body **out, const cn_skin *skin, const cn_body *on)
     if (cn_skin_moves_by_weights(skin, on)) goto done;
     t->place = place, place = NULL;
     status = CN_ERR_MEMORY;
-    if (!(t->turn = cn_array(4 * (size_t)on->nnode, sizeof *t->turn))) goto done;
+    if (!(t->turn = cn_array(4 * ((size_t)on->nnode + 1), sizeof *t->turn))) goto done;
     status = cn_skin_state_new(&t->state, skin, NULL);
 done:
     free(place), free(row);

@@ -52,6 +52,7 @@ static void start_body(const cn_model_body *body, cn_body_state *state)
     if (body->start && spec->model == CN_BODY_ROD) cn_rod_follow(b, state->x, state->rotation);
     state->nfree = b->nnode, state->until = INFINITY;
     state->push = (cn_push){.mark = -INFINITY, .best = -INFINITY, .margin = 1};
+    cn_push_bend(body, state, 0);
     if (body->catheter) state->inserted = spec->shape.catheter.inserted;
     if (body->sheath) state->nfree = cn_sheath_out(body, state->inserted);
     for (int i = 0; i < b->nnode; i++)

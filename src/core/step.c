@@ -42,12 +42,12 @@ static void turn_inertia(const cn_stage *s)
     for (int i = 0; b->nblock > b->nnode && i < s->nfree; i++) {
         double *j = s->part->spin + 9 * (size_t)i, r[9];
         cn_quaternion_matrix(s->rotation + 4 * (size_t)i, r);
+        const double *d = b->inertia + 3 * i;
         for (int p = 0; p < 3; p++)
-            for (int q = 0; q < 3; q++) {
-                j[3 * p + q] = 0;
-                for (int k = 0; k < 3; k++)
-                    j[3 * p + q] += r[3 * p + k] * b->inertia[3 * i + k] * r[3 * q + k];
-            }
+            for (int q = 0; q <= p; q++)
+                j[3 * p + q] = j[3 * q + p] = r[3 * p] * d[0] * r[3 * q] +
+                                              r[3 * p + 1] * d[1] * r[3 * q + 1] +
+                                              r[3 * p + 2] * d[2] * r[3 * q + 2];
     }
 }
 
@@ -481,6 +481,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
         figures[s - g.stage] = (cn_step_figures){.gap = INFINITY};
         cn_sheath_advance(part->body, &trial->body[part->index], part->drive.advance, part->drive.turn,
                           s->nfree, dt);
+        cn_push_bend(part->body, &trial->body[part->index], part->drive.bend);
         memset(part->u, 0, 3 * (size_t)b->nblock * sizeof(double));
         if (!part->damping.value || explicit) continue;
         cn_matrix_clear(part->matrix, s->rows < b->nblock ? s->nactive : b->nblock);

@@ -7,26 +7,19 @@
 #include <math.h>
 #include <string.h>
 
-/* A slice of a body, which turns as one. */
-typedef struct {
-    const int *node, *end;
-    double way[3], turn[3]; /* by dx: of its centre; a rotation vector */
-    double mass;
-} slice;
-
 /* What turns farther goes straight on [rad]: no series reaches so far, and what seems to turn may be torn. */
 static const double FAR = 0.5;
 
 /* The rotation nearest to what took the slice from x - dx to x (Kabsch 1976, by masses); of a rod's station
  * its own. A chord goes on by all of it, a tangent by half. */
-static bool slice_of(const cn_stage *s, int index, bool chord, slice *p)
+static bool slice_of(const cn_stage *s, int index, bool chord, cn_slice *p)
 {
     const cn_body *b = s->part->body->body;
     const double *dx = s->part->dx;
     const double one[4] = {1, 0, 0, 0};
     double centre[3] = {0, 0, 0}, both[9] = {0}, q[4], size[3];
-    *p = (slice){.node = s->part->node + s->part->slice[index],
-                 .end = s->part->node + s->part->slice[index + 1]};
+    *p = (cn_slice){.node = s->part->node + s->part->slice[index],
+                    .end = s->part->node + s->part->slice[index + 1]};
     while (p->end > p->node && p->end[-1] >= s->nfree)
         p->end--;
     for (const int *i = p->node; i < p->end; i++) {
@@ -58,9 +51,13 @@ static bool slice_of(const cn_stage *s, int index, bool chord, slice *p)
 }
 
 /* Its nodes go `way`, and turn about that. */
-static void lead(const slice *p, const double way[3], double *dx)
+static void lead(const cn_slice *p, const double way[3], double *dx)
 {
     double r[9];
+    if (p->end - p->node == 1) {
+        cn_copy3(way, dx + 3 * *p->node);
+        return;
+    }
     cn_rotation(p->turn, r);
     for (const int *i = p->node; i < p->end; i++) {
         double apart[3], turned[3];
@@ -70,28 +67,25 @@ static void lead(const slice *p, const double way[3], double *dx)
     }
 }
 
-/* Slices from `last`, which goes as it does, to the end on one side, each joint turned along with both of its
- * slices; adds momentum gained and mass. */
-static void lead_side(const cn_stage *s, slice last, int from, int side, int n, bool chord, double gained[3],
-                      double *mass)
+/* Slices beside `from`, which goes as it does, to the end on one side, each joint turned along with both of
+ * its slices; adds momentum gained and mass. */
+static void lead_side(const cn_part *part, int from, int side, int n, double gained[3], double *mass)
 {
     double way[3];
-    cn_copy3(last.way, way);
+    cn_copy3(part->led[from].way, way);
     for (int j = from + side; j >= 0 && j < n; j += side) {
-        slice next;
+        const cn_slice *next = &part->led[j], *last = next - side;
         double joint[3], middle[3], r[9], turned[3];
-        slice_of(s, j, chord, &next);
-        cn_sub(next.way, last.way, joint);
+        cn_sub(next->way, last->way, joint);
         for (int k = 0; k < 3; k++)
-            middle[k] = 0.5 * (last.turn[k] + next.turn[k]);
+            middle[k] = 0.5 * (last->turn[k] + next->turn[k]);
         cn_rotation(middle, r);
         cn_mat_vec(r, joint, turned);
         cn_axpy(1, turned, way);
-        lead(&next, way, s->part->dx);
+        lead(next, way, part->dx);
         for (int k = 0; k < 3; k++)
-            gained[k] += next.mass * (way[k] - next.way[k]);
-        *mass += next.mass;
-        last = next;
+            gained[k] += next->mass * (way[k] - next->way[k]);
+        *mass += next->mass;
     }
 }
 
@@ -112,16 +106,12 @@ static void lead_body(const cn_stage *s, bool chord)
     if (n == 0 || (nheld && (sheathed || high - low + 1 != nheld))) return;
     if (!nheld) low = high = sheathed ? n - 1 : 0;
 
-    slice start;
     for (int j = 0; j < n; j++)
-        if (!slice_of(s, j, chord, &start)) return; /* all of it or nothing */
-    double gained[3] = {0, 0, 0}, mass = 0;
-    slice_of(s, low, chord, &start);
-    lead_side(s, start, low, -1, n, chord, gained, &mass);
-    if (!nheld) lead(&start, start.way, part->dx);
-    mass += start.mass;
-    if (high > low) slice_of(s, high, chord, &start);
-    lead_side(s, start, high, 1, n, chord, gained, &mass);
+        if (!slice_of(s, j, chord, &part->led[j])) return; /* all of it or nothing */
+    double gained[3] = {0, 0, 0}, mass = part->led[low].mass;
+    lead_side(part, low, -1, n, gained, &mass);
+    if (!nheld) lead(&part->led[low], part->led[low].way, part->dx);
+    lead_side(part, high, 1, n, gained, &mass);
     for (int i = 0; loose && i < s->nfree; i++)
         cn_axpy(-1 / mass, gained, part->dx + 3 * i);
 }

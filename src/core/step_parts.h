@@ -7,6 +7,13 @@
 #include "catnav/vec3.h"
 #include "sim.h"
 
+/* A slice of a body, which turns as one: how it goes on (step_ahead.c). */
+typedef struct {
+    const int *node, *end;
+    double way[3], turn[3]; /* by dx: of its centre; a rotation vector */
+    double mass;
+} cn_slice;
+
 /* What belongs to one body. */
 typedef struct {
     const cn_model *model;
@@ -19,6 +26,7 @@ typedef struct {
     cn_carry *carry; /* NULL: the points are the nodes */
     cn_drive drive;
     int *node, *slice, nslice; /* nodes slice by slice, which couple to their neighbours only; one: all */
+    cn_slice *led;             /* scratch (nslice) */
     double *memory;
     /* by blocks (nblock x 3): */
     double *u; /* the unknown: x - x0, kept apart so that v = (u - lag) / h carries no round-off of x */

@@ -61,6 +61,7 @@ static cn_status slices_of(cn_part *part, const int *level)
             part->slice[++part->nslice] = part->slice[l + 1];
     if (part->nslice == 0) part->nslice = 1;
     part->slice[part->nslice] = n;
+    if (!(part->led = malloc((size_t)part->nslice * sizeof *part->led))) return CN_ERR_MEMORY;
     return CN_OK;
 }
 
@@ -108,6 +109,7 @@ static void part_clear(cn_part *part)
     free(part->held);
     free(part->node);
     free(part->slice);
+    free(part->led);
     free(part->memory);
 }
 

@@ -37,7 +37,7 @@ rod_case rod_case_new(int nnode, const double *axis, const double normal[3], con
     assert_int_equal(cn_solver_new(&s.solver, s.matrix, CN_LINEAR_CHOLESKY, level, NULL), CN_OK);
     free(level);
     s.x = numbers(3 * n), s.f = numbers(3 * n), s.load = numbers(3 * n), s.dx = numbers(3 * n);
-    s.rotation = numbers(4 * nnode);
+    s.rotation = numbers(4 * s.body->nturn);
     s.spring = numbers(3 * n);
     s.fixed = calloc((size_t)n, 1);
     assert_non_null(s.fixed);

@@ -212,6 +212,36 @@ static void a_bent_end_at_rest_has_its_curvature(void **state)
     }
 }
 
+static void a_steered_end_bends_to_the_side_where_the_way_is(void **state)
+{
+    (void)state;
+    static const double angles[] = {0.4, 2.8, -1.9};
+    const double length = 0.01, k = 60, ei = 5e7 * pi * pow(1e-3, 4) / 64;
+    for (size_t i = 0; i < sizeof angles / sizeof *angles; i++) {
+        const double side[3] = {cos(angles[i]), sin(angles[i]), 0};
+        char waypoint[128];
+        snprintf(waypoint, sizeof waypoint, "  waypoints: [[%g, %g, 0.02]]\n", 0.05 * side[0],
+                 0.05 * side[1]);
+        const cn_setting setting[] = {
+            {"bodies.0.drive.tip_bend.steered", "on"}, {"bodies.0.drive.tip_bend.curvature", "60"},
+            {"bodies.0.drive.speed", "1e-3"},          {"bodies.0.waypoint_tolerance", "1e-4"},
+            {"bodies.0.material.damping", "200"},      {"solver.tolerance", "1e-8"}};
+        watch w = drive(open_space, waypoint, 6, setting, 1, (watch){.stop_at = 300});
+        const cn_insertion *list = w.report.drive.insertion;
+        const int n = w.report.drive.ninsertion;
+        double arc[3] = {0, 0, w.inserted - length + sin(k * length) / k};
+        cn_axpy((1 - cos(k * length)) / k, side, arc);
+        assert_true(cn_distance(w.tip, arc) <= 2e-3 * length);
+        assert_true(fabs(w.twist) < 0.6 * pi); /* to the nearer side of the two it can bend to */
+        assert_true(fabs(fabs(list[n - 1].curvature) - k) < 2e-3 * k && list[0].curvature == 0);
+        for (int j = 1; j < n; j++) /* fully bent in half a second */
+            assert_true(fabs(list[j].curvature - list[j - 1].curvature) <=
+                        2 * k * (list[j].time - list[j - 1].time) * (1 + 1e-9));
+        assert_true(w.report.body[0].energy < 1e-5 * 0.5 * ei * k * k * length); /* at rest, so bent */
+        cn_report_clear(&w.report);
+    }
+}
+
 static void a_bend_is_passed_and_its_wall_pushes_back(void **state)
 {
     (void)state;
@@ -374,10 +404,15 @@ static void what_cannot_be_pushed_is_refused_in_words(void **state)
         assert_int_equal(w.report.steps, 0);
         cn_report_clear(&w.report);
     }
-    watch w = drive("step: 0.01\ntime_limit: 1\nbodies:\n- name: bar\n"
-                    "  shape: {beam: {size: [0.1, 0.01, 0.01], cells: [10, 1, 1]}}\n"
-                    "  material: {young: 1.0e+6, poisson: 0.3, density: 1000}\n  drive: {mode: push}\n",
-                    "", 0, NULL, 1, (watch){0});
+    const cn_setting steered[] = {{"bodies.0.drive.tip_bend.steered", "on"}, {"bodies.0.model", "tet4"}};
+    watch w = drive(open_space, "  waypoints: [[0, 0, 0.05]]\n", 2, steered, 1, (watch){0});
+    assert_int_equal(w.report.verdict.code, CN_VERDICT_BAD_INPUT);
+    assert_non_null(strstr(w.report.verdict.message, "model rod"));
+    cn_report_clear(&w.report);
+    w = drive("step: 0.01\ntime_limit: 1\nbodies:\n- name: bar\n"
+              "  shape: {beam: {size: [0.1, 0.01, 0.01], cells: [10, 1, 1]}}\n"
+              "  material: {young: 1.0e+6, poisson: 0.3, density: 1000}\n  drive: {mode: push}\n",
+              "", 0, NULL, 1, (watch){0});
     assert_int_equal(w.report.verdict.code, CN_VERDICT_BAD_INPUT);
     assert_non_null(strstr(w.report.verdict.message, "catheter"));
     cn_report_clear(&w.report);
@@ -389,6 +424,7 @@ int main(void)
         cmocka_unit_test(in_a_straight_tube_the_tip_goes_as_far_as_the_base),
         cmocka_unit_test(the_bases_turn_arrives_at_the_tip),
         cmocka_unit_test(a_bent_end_at_rest_has_its_curvature),
+        cmocka_unit_test(a_steered_end_bends_to_the_side_where_the_way_is),
         cmocka_unit_test(a_bend_is_passed_and_its_wall_pushes_back),
         cmocka_unit_test(all_models_pass_it),
         cmocka_unit_test(insertion_lists_what_a_robot_would_run),

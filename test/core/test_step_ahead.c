@@ -26,6 +26,7 @@ typedef struct {
     double x[6 * NODES], dx[6 * NODES], mass[NODES];
     unsigned char fixed[2 * NODES];
     int node[NODES], slice[STATIONS + 1];
+    cn_slice led[STATIONS];
 } chain;
 
 static void make(chain *c, bool rod, bool slender)
@@ -48,7 +49,7 @@ static void make(chain *c, bool rod, bool slender)
         c->slice[l] = slender ? per * l : nnode * l;
     c->of_model.body = &c->body, c->of_model.fixed = c->fixed, c->from.x = c->x;
     c->part.model = &c->model, c->part.body = &c->of_model;
-    c->part.dx = c->dx, c->part.node = c->node, c->part.slice = c->slice;
+    c->part.dx = c->dx, c->part.node = c->node, c->part.slice = c->slice, c->part.led = c->led;
     c->stage = (cn_stage){.part = &c->part, .from = &c->from, .x = c->x, .nfree = nnode};
     c->group = (cn_group){.n = 1, .stage = &c->stage};
 }
