@@ -96,6 +96,7 @@ def own_steps(study, title, scene, model, settings, steps):
             "nodes": outcome.figure("counts", "nodes"), "dof": outcome.figure("counts", "dof"),
             "step_ms_median": outcome.figure("time", "step_ms", "median"),
             "step_ms_p95": outcome.figure("time", "step_ms", "p95"),
+            "solve_ms_median": outcome.figure("time", "fem_ms", "median"),
             "residual_max": outcome.figure("solver", "residual_max"), "steps": outcome.figure("steps"),
             "newton_max": outcome.figure("solver", "newton_max")}
 
