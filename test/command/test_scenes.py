@@ -112,6 +112,14 @@ class Scenes(unittest.TestCase):
             self.assertEqual((said["scene"], said["view"]), (name, "demo" if name == "liver" else name))
             self.assertTrue(os.path.exists(os.path.join(SCENES, "..", "rviz", said["view"] + ".rviz")))
 
+    def test_roslaunch_can_say_what_every_argument_of_a_launch_file_means(self):
+        for name in sorted(f for f in os.listdir(os.path.join(SCENES, "..")) if f.endswith(".launch")):
+            root = xml.etree.ElementTree.parse(os.path.join(SCENES, "..", name)).getroot()
+            given = [arg for arg in root.findall("arg") if arg.get("value") is None]  # what `roslaunch --ros-args` lists
+            self.assertTrue(given, name)
+            for arg in given:
+                self.assertTrue(arg.get("doc"), f"{name}: {arg.get('name')}")
+
     # bear
     def test_the_bear_and_its_tube_are_of_the_papers_size(self):
         status, report, said = run("bear.yaml", time_limit=0.01)
