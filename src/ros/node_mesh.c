@@ -33,7 +33,17 @@ void stage_drop(cn_node *node, stage *s)
     if (last) stage_free(s);
 }
 
-cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmesh, const cn_replacement *mesh,
+/* Those who follow a call hear that the lumen is mapped: its own scene's, or that of the mesh it waits for.
+ */
+static void tell_mapping(cn_node *node, bool requested)
+{
+    pthread_mutex_lock(&node->lock);
+    if (node->preparing && requested == (node->now.request->scene[0] != 0))
+        node->progress.stage = CN_STAGE_MAP;
+    pthread_mutex_unlock(&node->lock);
+}
+
+cn_status stage_new(stage **out, cn_node *node, const char *file, int nmesh, const cn_replacement *mesh,
                     const char *frame, bool requested, cn_error *error)
 {
     cn_status status = CN_ERR_MEMORY;
@@ -48,6 +58,7 @@ cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmes
     if ((status = cn_world_new(&s->world, s->scene, nmesh, mesh, error)) != CN_OK) goto fail;
     if (s->scene->nbody > 0 && s->scene->body[0].shape.kind == CN_SHAPE_CATHETER) {
         const double diameter = s->scene->body[0].shape.catheter.diameter;
+        tell_mapping(node, requested);
         if ((status = cn_world_map(s->world, diameter / 2, node->threads, error)) != CN_OK) goto fail;
         if ((status = cn_world_fits(s->world, diameter, error)) != CN_OK) goto fail;
         if ((status = cn_octree_attach(s->world, error)) != CN_OK) goto fail;

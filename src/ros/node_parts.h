@@ -125,7 +125,7 @@ void step_back(int steps);
 /* --- node_mesh.c: stages and the meshes they are made of --- */
 /* Reads a scene (`requested`: one that stays in its folders) with the node's settings, checks its walls with
  * the meshes in their place, makes the map. */
-cn_status stage_new(stage **out, const cn_node *node, const char *file, int nmesh, const cn_replacement *mesh,
+cn_status stage_new(stage **out, cn_node *node, const char *file, int nmesh, const cn_replacement *mesh,
                     const char *frame, bool requested, cn_error *error);
 void stage_free(stage *s);
 stage *stage_take(cn_node *node);         /* the one in force, kept until dropped; NULL: none */
@@ -201,8 +201,9 @@ void on_feedback(void *node);
 /* --- node_plan.c: one call, from its request to its answer --- */
 void plan_call(cn_node *node, const cn_ros_request *request, cn_ros_answer *answer);
 void answer_with(cn_ros_answer *answer, const cn_scene *scene, cn_verdict_code code, const cn_error *error);
-/* The report as JSON; under `repeat` what the same plan takes: seed, options, versions, checksums. */
-char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *request,
+/* The report as JSON; under `repeat` what the same plan takes: seed, options, versions, checksums of the
+ * walls of its stage (NULL: none). `frame`: of those walls. */
+char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *request, const char *frame,
                   const cn_ros_tuning *tuning, const cn_report *report);
 
 /* --- node_show.c: frames and diagnostics --- */

@@ -262,7 +262,7 @@ void plan_call(cn_node *node, const cn_ros_request *request, cn_ros_answer *answ
     }
     snprintf(node->verdict, sizeof node->verdict, "%s", cn_verdict_name(verdict->code));
     pthread_mutex_unlock(&node->lock);
-    answer->json = answer_json(node, s, request, &tuning, &answer->report);
+    answer->json = answer_json(node, s, request, node->run_frame, &tuning, &answer->report);
     stage_drop(node, s);
     CN_LOG(CN_LOG_INFO, "%s: %s", cn_verdict_name(verdict->code), verdict->message);
 }

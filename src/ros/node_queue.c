@@ -12,15 +12,18 @@ static void set_cancel(cn_node *node, bool cancel)
     __atomic_store_n(&node->cancel, cancel, __ATOMIC_RELAXED);
 }
 
-static void answer_at_once(cn_node *node, cn_ros_call call, const char *frame, cn_verdict_code code,
-                           const char *why)
+static void answer_at_once(cn_node *node, cn_ros_call call, const cn_ros_request *request,
+                           cn_verdict_code code, const char *why)
 {
     cn_ros_answer answer = {0};
     cn_error error = {0};
     cn_fail(&error, CN_ERR_CANCELLED, "", 0, "%s", why);
-    snprintf(answer.frame, sizeof answer.frame, "%s", frame[0] ? frame : node->frame);
+    pthread_mutex_lock(&node->lock);
+    const cn_ros_tuning tuning = node->tuning;
+    pthread_mutex_unlock(&node->lock);
+    snprintf(answer.frame, sizeof answer.frame, "%s", request->frame[0] ? request->frame : node->frame);
     answer_with(&answer, NULL, code, &error);
-    answer.json = cn_report_json(&answer.report);
+    answer.json = answer_json(node, NULL, request, answer.frame, &tuning, &answer.report);
     cn_ros_send_answer(node->ros, call, &answer);
 }
 
@@ -62,7 +65,7 @@ void on_plan(void *user, cn_ros_call call, const cn_ros_request *request)
     pthread_mutex_unlock(&node->lock);
     if (taken) return;
     if (call == OWN_CALL) CN_LOG(CN_LOG_WARNING, "%s", why);
-    answer_at_once(node, call, request->frame, leaving ? CN_VERDICT_CANCELLED : CN_VERDICT_BUSY, why);
+    answer_at_once(node, call, request, leaving ? CN_VERDICT_CANCELLED : CN_VERDICT_BUSY, why);
     end_call(node, call);
 }
 
@@ -86,7 +89,7 @@ void on_cancel(void *user, cn_ros_call call)
     }
     pthread_mutex_unlock(&node->lock);
     if (!found.call) return;
-    answer_at_once(node, call, found.request->frame, CN_VERDICT_CANCELLED,
+    answer_at_once(node, call, found.request, CN_VERDICT_CANCELLED,
                    ended ? "cancelled while it waited for its turn" : "cancelled before the first step");
     if (ended) {
         end_call(node, call);

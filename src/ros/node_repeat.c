@@ -88,7 +88,7 @@ static json_t *asked(const cn_ros_request *r)
                      (json_int_t)r->seed, "scene", text(r->scene));
 }
 
-char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *request,
+char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *request, const char *frame,
                   const cn_ros_tuning *tuning, const cn_report *report)
 {
     json_t *versions = json_object(), *root = NULL, *repeat;
@@ -100,7 +100,7 @@ char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *req
     json_object_set_new(versions, "catnav", text(CATNAV_VERSION));
     repeat = json_pack("{s:I, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "seed", (json_int_t)report->seed,
                        "versions", versions, "scene", text(s ? s->scene->path : node->scene_file), "frame",
-                       text(node->run_frame), "request", asked(request), "options", options(node), "settings",
+                       text(frame), "request", asked(request), "options", options(node), "settings",
                        tuned(tuning), "walls", walls(s));
     if (root && repeat && !json_object_set(root, "repeat", repeat)) json = json_dumps(root, JSON_INDENT(2));
     json_decref(repeat);

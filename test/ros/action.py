@@ -2,6 +2,7 @@
 """~plan_action: the service's answer with progress on the way; a cancel ends a plan within a step and the next goal is
 taken at once; further calls are refused or wait, as ~on_busy says."""
 import json
+import os
 import sys
 import threading
 import time
@@ -16,7 +17,10 @@ from shapes import ActionClient, Client, name_of, tube
 
 ROUTE = [(0, 0, 0.01), (0, 0, 0.06)]  # seconds at this step; the short one a fraction of one
 SHORT = [(0, 0, 0.01), (0, 0, 0.014)]
+IN_LIVER = [(0.04681, -0.13758, 0.70557), (0.0496, -0.1298, 0.8051)]  # a lumen whose map takes seconds
 WAIT = 60  # [s]: an end that never comes is an error, a slow one is not
+CANCELS = int(os.environ.get('CATNAV_CANCELS', 0))  # the long form: so many cancels, each in time
+SHARED = 4  # times longer may a wait be where others share the machine
 
 
 class Action(unittest.TestCase):
@@ -64,6 +68,26 @@ class Action(unittest.TestCase):
         self.assertEqual(times, sorted(times))
         rate = (len(goal.feedback) - 1) / (goal.heard[-1] - goal.heard[0])
         print(f'feedback: {len(times)} messages, {rate:.1f} a second, motion at {last.steps_per_second:.0f} steps/s')
+        self.assertGreaterEqual(rate, 5)
+
+    def test_b_a_scene_of_a_goals_own_is_mapped_planned_and_driven_in_and_each_is_told(self):
+        goal = self.patient_action.send(IN_LIVER, scene='liver.yaml')
+        self.assertTrue(goal.until(lambda f: f.stage == PlanCatheterFeedback.MOTION, 4 * WAIT), goal.result)
+        goal.cancel()
+        self.ended(goal, GoalStatus.PREEMPTED, Verdict.CANCELLED)
+        stages = [f.stage for f in goal.feedback]
+        self.assertEqual(stages, sorted(stages))
+        self.assertLessEqual({PlanCatheterFeedback.MAP, PlanCatheterFeedback.ROADMAP, PlanCatheterFeedback.MOTION}, set(stages))
+        self.assertEqual({f.stage_name for f in goal.feedback if f.stage == PlanCatheterFeedback.MAP}, {'map'})
+
+    def test_a_cancel_while_a_map_is_made_does_not_wait_for_it(self):
+        goal = self.patient_action.send(IN_LIVER, scene='liver.yaml')
+        self.assertTrue(goal.until(lambda f: f.stage == PlanCatheterFeedback.MAP, WAIT), goal.result)
+        start = time.monotonic()
+        goal.cancel()
+        self.ended(goal, GoalStatus.PREEMPTED, Verdict.CANCELLED, 'before the first step')
+        print(f'a cancel while the map is made answered after {1000 * (time.monotonic() - start):.0f} ms')
+        self.ended(self.patient_action.send(SHORT), GoalStatus.SUCCEEDED, Verdict.REACHED)
 
     def test_a_report_says_what_the_same_plan_takes(self):
         report = json.loads(self.client.plan(SHORT, seed=7).report_json)
@@ -73,24 +97,41 @@ class Action(unittest.TestCase):
         self.assertEqual(repeat['options']['step'], '0.0001')
         self.assertEqual(repeat['walls'][0]['name'], 'artery')
         self.assertEqual(len(repeat['walls'][0]['fnv1a']), 16)
-        self.assertIn('ompl', repeat['versions'])
+        self.assertLessEqual({'ompl', 'catnav'}, set(repeat['versions']))
+
+    def test_a_call_that_is_refused_says_what_it_asked_too(self):
+        goal = self.action.send(ROUTE)
+        self.moving(goal)
+        refused = self.action.send(SHORT, seed=9)
+        self.ended(refused, GoalStatus.REJECTED, Verdict.BUSY)
+        repeat = json.loads(refused.result.report_json)['repeat']
+        self.assertEqual((repeat['request']['seed'], repeat['frame'], repeat['walls']), (9, 'map', []))
+        self.assertEqual(repeat['request']['waypoints'], [list(p) for p in SHORT])
+        self.assertIn('catnav', repeat['versions'])
+        goal.cancel()
+        self.ended(goal, GoalStatus.PREEMPTED, Verdict.CANCELLED)
 
     def test_a_cancel_ends_a_plan_with_what_was_reached_and_the_next_goal_is_taken_at_once(self):
-        delays = []
-        for _ in range(3):
+        delays, steps = [], []
+        for _ in range(CANCELS or 9):
             goal = self.action.send(ROUTE)
             self.moving(goal)
             start = time.monotonic()
             goal.cancel()
             self.ended(goal, GoalStatus.PREEMPTED, Verdict.CANCELLED)
             delays.append(time.monotonic() - start)
+            steps.append(1 / goal.feedback[-1].steps_per_second)
             self.assertGreater(goal.result.steps, 0)
             self.assertTrue(goal.result.path.poses)
             self.assertEqual(json.loads(goal.result.report_json)['status'], 'interrupted')
             following = self.action.send(SHORT)
             self.ended(following, GoalStatus.SUCCEEDED, Verdict.REACHED)
-        print('cancel answered after', ', '.join(f'{1000 * d:.0f} ms' for d in delays))
-        self.assertLess(min(delays), 1)
+        late = sorted(delay - step for delay, step in zip(delays, steps))  # [s] beyond the step under way
+        print(f'{len(late)} cancels answered after {1000 * sorted(delays)[len(late) // 2]:.0f} ms (median), '
+              f'{1000 * max(delays):.0f} ms at most; a step takes {1000 * sorted(steps)[len(late) // 2]:.1f} ms')
+        if CANCELS:
+            self.assertLess(late[-1], 0.05)
+        self.assertLess(late[len(late) // 2], SHARED * 0.05)
 
     def test_a_second_call_is_refused_while_one_is_open(self):
         goal = self.action.send(ROUTE)
