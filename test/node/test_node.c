@@ -263,6 +263,45 @@ static void test_a_bad_mesh_message_is_refused_and_the_mesh_before_it_stays(void
     assert_string_equal(fake_wrong(), "");
 }
 
+static void test_a_cancel_while_a_map_is_made_is_answered_and_the_next_call_served(void **state)
+{
+    (void)state;
+    static const char box[] =
+        "v -.005 -.005 0\nv .005 -.005 0\nv .005 .005 0\nv -.005 .005 0\nv -.005 -.005 .05\nv .005 -.005 "
+        ".05\n"
+        "v .005 .005 .05\nv -.005 .005 .05\nf 3 2 1\nf 4 3 1\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 2 3 7\n"
+        "f 2 7 6\nf 3 4 8\nf 3 8 7\nf 4 1 5\nf 4 5 8\n";
+    const cn_setting fine[] = {
+        small[0], small[1], small[2], {"planner.resolution", "1.2e-4"}, {NULL, NULL}}; /* millions of cells */
+    cn_ros_request r = request();
+    cn_node *node = new_node(fine);
+    write_text(in_folder("box.obj"), box);
+    write_scene("boxed.yaml", "box.obj");
+    r.scene = "boxed.yaml";
+    const cn_ros_call call = fake_plan(&r);
+    for (bool mapped = false; !mapped;) {
+        nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
+        pthread_mutex_lock(&node->lock);
+        mapped = node->progress.stage == CN_STAGE_MAP;
+        assert_true(mapped || node->open || node->nqueue > 0); /* that stage is told */
+        pthread_mutex_unlock(&node->lock);
+    }
+    fake_handlers()->cancel(node, call);
+    pthread_mutex_lock(&node->lock);
+    const bool open = node->open, preparing = node->preparing;
+    pthread_mutex_unlock(&node->lock);
+    assert_true(preparing && !open); /* answered, and the map still in the making */
+    fake_answer answer = fake_await(call);
+    assert_int_equal(answer.verdict.code, CN_VERDICT_CANCELLED);
+    assert_non_null(strstr(answer.verdict.message, "before the first step"));
+    assert_non_null(strstr(answer.json, "boxed.yaml")); /* what it asked */
+    free(answer.json);
+    expect(request(), CN_VERDICT_TIMEOUT, "");
+    expect(r, CN_VERDICT_TIMEOUT, "");
+    fake_node_free(node);
+    assert_string_equal(fake_wrong(), "");
+}
+
 /* --- without memory --- */
 
 /* One of everything. What is not answered, or ended twice, fake_wrong says. */
@@ -408,6 +447,7 @@ int main(void)
         cmocka_unit_test(test_a_bad_request_is_refused_in_words_and_the_next_one_served),
         cmocka_unit_test(test_a_requested_scene_follows_no_path_out_of_its_folders),
         cmocka_unit_test(test_a_bad_mesh_message_is_refused_and_the_mesh_before_it_stays),
+        cmocka_unit_test(test_a_cancel_while_a_map_is_made_is_answered_and_the_next_call_served),
         cmocka_unit_test(test_where_memory_ends_a_call_is_answered_and_the_next_one_served),
         cmocka_unit_test(test_64_clients_that_are_refused_while_a_plan_runs_get_one_answer_a_call),
         cmocka_unit_test(test_64_clients_that_wait_in_a_queue_get_one_answer_a_call),
