@@ -23,10 +23,13 @@ typedef struct {
 
 /* A deforming body in the plan under way. */
 typedef struct {
-    const cn_body *body;
+    const cn_body *body; /* gone when its run has ended */
     unsigned id;
-    float *stress;  /* per vertex [Pa] (nnode) */
-    double highest; /* so far [Pa]: the colour scale where there is no limit */
+    char name[64];
+    int npoint, ntet;
+    unsigned long long sum; /* of the mesh it began with: see checksum */
+    float *stress;          /* per vertex [Pa] (nnode) */
+    double highest;         /* so far [Pa]: the colour scale where there is no limit */
     /* of the skin it wears; NULL: none */
     unsigned skin_id;
     float *skin_stress; /* per vertex [Pa] */
@@ -201,8 +204,11 @@ void on_feedback(void *node);
 /* --- node_plan.c: one call, from its request to its answer --- */
 void plan_call(cn_node *node, const cn_ros_request *request, cn_ros_answer *answer);
 void answer_with(cn_ros_answer *answer, const cn_scene *scene, cn_verdict_code code, const cn_error *error);
+/* FNV-1a of 64 bits over the bytes of a mesh: vertices [m] (nvert x 3), then the indices of its cells. */
+unsigned long long checksum(int nvert, const double *vert, int nindex, const int *index);
 /* The report as JSON; under `repeat` what the same plan takes: seed, options, versions, checksums of the
- * walls of its stage (NULL: none). `frame`: of those walls. */
+ * walls of its stage and the bodies that moved in it (NULL: none, and from any thread). `frame`: of those
+ * walls. */
 char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *request, const char *frame,
                   const cn_ros_tuning *tuning, const cn_report *report);
 

@@ -115,7 +115,6 @@ static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cons
         answer_with(answer, s->scene, error.status == CN_ERR_ARG ? CN_VERDICT_BAD_INPUT : CN_VERDICT_NUMERICS,
                     &error);
     answer->path = r.path;
-    forget_shown(node);
     overlay_end(&limits);
     return;
 refused:
@@ -263,6 +262,7 @@ void plan_call(cn_node *node, const cn_ros_request *request, cn_ros_answer *answ
     snprintf(node->verdict, sizeof node->verdict, "%s", cn_verdict_name(verdict->code));
     pthread_mutex_unlock(&node->lock);
     answer->json = answer_json(node, s, request, node->run_frame, &tuning, &answer->report);
+    forget_shown(node);
     stage_drop(node, s);
     CN_LOG(CN_LOG_INFO, "%s: %s", cn_verdict_name(verdict->code), verdict->message);
 }

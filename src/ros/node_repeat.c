@@ -5,14 +5,11 @@
 #include <string.h>
 #include "node_parts.h"
 
-/* FNV-1a of 64 bits over the bytes of a wall as it was in force: vertices [m], then triangles. */
-static unsigned long long checksum(const cn_surface *surface)
+unsigned long long checksum(int nvert, const double *vert, int nindex, const int *index)
 {
     unsigned long long hash = 0xcbf29ce484222325ULL;
-    const unsigned char *part[2] = {(const unsigned char *)surface->vert,
-                                    (const unsigned char *)surface->tri};
-    const size_t size[2] = {3 * (size_t)surface->nvert * sizeof(double),
-                            3 * (size_t)surface->ntri * sizeof(int)};
+    const unsigned char *part[2] = {(const unsigned char *)vert, (const unsigned char *)index};
+    const size_t size[2] = {3 * (size_t)nvert * sizeof(double), (size_t)nindex * sizeof(int)};
     for (int p = 0; p < 2; p++)
         for (size_t i = 0; i < size[p]; i++)
             hash = (hash ^ part[p][i]) * 0x100000001b3ULL;
@@ -32,16 +29,32 @@ static json_t *number(double v) /* what is not finite is null */
     return n ? n : json_null();
 }
 
-static json_t *walls(const stage *s)
+static void append_mesh(json_t *list, const char *name, int nvert, const char *cells, int ncell,
+                        unsigned long long sum)
+{
+    char digits[32];
+    snprintf(digits, sizeof digits, "%016llx", sum);
+    json_array_append_new(list, json_pack("{s:o, s:i, s:i, s:s}", "name", text(name), "vertices", nvert,
+                                          cells, ncell, "fnv1a", digits));
+}
+
+static json_t *walls(const stage *s) /* as they were in force */
 {
     json_t *list = json_array();
     for (int i = 0; s && i < s->world->nwall; i++) {
-        char sum[32];
-        snprintf(sum, sizeof sum, "%016llx", checksum(s->world->wall[i].surface));
-        json_array_append_new(list, json_pack("{s:o, s:i, s:i, s:s}", "name", text(s->world->wall[i].name),
-                                              "vertices", s->world->wall[i].surface->nvert, "triangles",
-                                              s->world->wall[i].surface->ntri, "fnv1a", sum));
+        const cn_surface *w = s->world->wall[i].surface;
+        append_mesh(list, s->world->wall[i].name, w->nvert, "triangles", w->ntri,
+                    checksum(w->nvert, w->vert, 3 * w->ntri, w->tri));
     }
+    return list;
+}
+
+static json_t *bodies(const cn_node *node, const stage *s) /* as they were at rest */
+{
+    json_t *list = json_array();
+    for (int i = 0; s && i < node->nshown; i++)
+        append_mesh(list, node->shown[i].name, node->shown[i].npoint, "tetrahedra", node->shown[i].ntet,
+                    node->shown[i].sum);
     return list;
 }
 
@@ -98,10 +111,10 @@ char *answer_json(const cn_node *node, const stage *s, const cn_ros_request *req
     for (const cn_ros_version *v = cn_ros_versions(); v->what; v++)
         json_object_set_new(versions, v->what, text(v->version));
     json_object_set_new(versions, "catnav", text(CATNAV_VERSION));
-    repeat = json_pack("{s:I, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "seed", (json_int_t)report->seed,
+    repeat = json_pack("{s:I, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "seed", (json_int_t)report->seed,
                        "versions", versions, "scene", text(s ? s->scene->path : node->scene_file), "frame",
                        text(frame), "request", asked(request), "options", options(node), "settings",
-                       tuned(tuning), "walls", walls(s));
+                       tuned(tuning), "walls", walls(s), "bodies", bodies(node, s));
     if (root && repeat && !json_object_set(root, "repeat", repeat)) json = json_dumps(root, JSON_INDENT(2));
     json_decref(repeat);
     json_decref(root);

@@ -79,6 +79,9 @@ static shown *find_shown(cn_node *node, const cn_frame_body *b)
     }
     s->id = ++node->last_id;
     node->nshown++;
+    snprintf(s->name, sizeof s->name, "%s", b->name);
+    s->npoint = b->body->npoint, s->ntet = b->body->ntet;
+    s->sum = checksum(s->npoint, b->body->point, 4 * s->ntet, b->body->tet);
     cn_ros_send_topology(node->ros, node->run_frame, b->name, s->id, b->body->ntet, b->body->tet,
                          b->body->boundary->ntri, b->body->boundary->tri);
     return s;

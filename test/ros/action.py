@@ -97,6 +97,9 @@ class Action(unittest.TestCase):
         self.assertEqual(repeat['options']['step'], '0.0001')
         self.assertEqual(repeat['walls'][0]['name'], 'artery')
         self.assertEqual(len(repeat['walls'][0]['fnv1a']), 16)
+        body = repeat['bodies'][0]
+        self.assertEqual(body['name'], 'catheter')
+        self.assertGreater(body['tetrahedra'], body['vertices'])
         self.assertLessEqual({'ompl', 'catnav'}, set(repeat['versions']))
 
     def test_a_call_that_is_refused_says_what_it_asked_too(self):

@@ -74,6 +74,7 @@ class Door(unittest.TestCase):
             self.assertLess(np.linalg.norm([end.x - waypoint[0], end.y - waypoint[1], end.z - waypoint[2]]), 2e-3)
         self.assertTrue(paths)
         self.assertTrue(states)
+        self.assertEqual(len(topologies), 1)  # once a plan
         self.assertEqual(topologies[-1].id, states[-1].topology)
         self.assertEqual(len(states[-1].vertices), max(topologies[-1].tetrahedra) + 1)
         self.assertEqual(len(states[-1].stress), len(states[-1].vertices))
@@ -85,7 +86,8 @@ class Door(unittest.TestCase):
         self.assertLess(len(stamps), 2 + 20.5 * (stamps[-1] - stamps[0] + 0.05))  # ~frame_rate is 20 Hz
 
     def test_3_a_late_subscriber_sees_everything(self):
-        for topic in 'catheter_topology', 'catheter_marker', 'artery_marker', 'path':  # each by a process of its own
+        for topic in ('catheter_topology', 'catheter_marker', 'artery_marker', 'roadmap_marker', 'medial_axis',
+                      'path'):  # each by a process of its own
             echo = ['rostopic', 'echo', '-n', '1', f'/catnav/{topic}/header/frame_id']
             said = subprocess.run(echo, capture_output=True, text=True, timeout=20).stdout
             self.assertIn('map', said, topic)

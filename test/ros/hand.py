@@ -21,7 +21,7 @@ from nav_msgs.msg import Path
 from std_msgs.msg import Header
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerInit, InteractiveMarkerUpdate
 
-from shapes import Client, name_of, tube
+from shapes import ActionClient, Client, along, arc, isosurface, name_of, tube
 
 # tf2_msgs' own Python module need not be there
 TFMessage = genpy.dynamic.generate_dynamic('tf2_msgs/TFMessage', 'geometry_msgs/TransformStamped[] transforms\n' + 80 * '='
@@ -65,9 +65,9 @@ class Hand:
     def press(self, point, frame='map'):
         self.click.publish(PointStamped(Header(frame_id=frame), Point(*point)))
 
-    def drag(self, index, point):
+    def drag(self, index, point, frame='map'):
         for event in InteractiveMarkerFeedback.POSE_UPDATE, InteractiveMarkerFeedback.MOUSE_UP:
-            message = InteractiveMarkerFeedback(header=Header(frame_id='map'), client_id='hand',
+            message = InteractiveMarkerFeedback(header=Header(frame_id=frame), client_id='hand',
                                                 marker_name=f'waypoint {index}', event_type=event)
             message.pose.position = Point(*point)
             self.feedback.publish(message)
@@ -214,14 +214,53 @@ class Rviz(unittest.TestCase):
     def test_diagnostics_hold_rate_verdict_dropped_frames_and_memory(self):
         self.expect(self.client.plan(ROUTE), Verdict.REACHED)
         rospy.sleep(1.5)
-        status = []
-        while not status:
-            status = [s for s in rospy.wait_for_message('/diagnostics', DiagnosticArray, WAIT).status if 'catnav' in s.name]
-        values = {v.key: v.value for v in status[0].values}
+        values = self.figures()
         self.assertEqual(values['last verdict'], 'REACHED')
         self.assertGreater(float(values['memory [MB]']), 1)
-        for key in 'steps per second', 'real-time factor', 'frames dropped', 'frames sent', 'meshes dropped':
-            self.assertGreaterEqual(float(values[key]), 0)
+        for key in 'steps per second', 'real-time factor', 'meshes dropped':
+            self.assertEqual(float(values[key]), 0, key)  # nothing moves
+
+    def test_diagnostics_say_how_fast_a_plan_moves_and_what_it_does_not_show(self):
+        settings = dynamic_reconfigure.client.Client('catnav', timeout=WAIT)
+        settings.update_configuration({'step': 1e-4, 'frame_rate': 1})
+        before = self.figures()
+        goal = ActionClient().send([ROUTE[0], (0, 0, 0.06)])
+        self.assertTrue(goal.until(lambda f: f.stage == f.MOTION and f.step > 0, WAIT))
+        while not goal.done.is_set():
+            during = self.figures()
+            if during['step'] != '0' and float(during['real-time factor']) > 0:
+                break
+        self.assertTrue(goal.done.wait(WAIT))
+        settings.update_configuration({'step': -1, 'frame_rate': -1})
+        self.assertGreater(float(during['steps per second']), 0)
+        self.assertGreater(float(during['real-time factor']), 0)
+        rospy.sleep(0.5)
+        after = self.figures()
+        sent, dropped = (int(after[key]) - int(before[key]) for key in ('frames sent', 'frames dropped'))
+        self.assertGreater(dropped, 0)
+        self.assertLessEqual(sent, 2 + (goal.heard[-1] - goal.heard[0] + 1))  # one a second
+        self.assertGreaterEqual(sent + dropped, goal.result.steps)
+        settings.close()
+
+    def test_the_budget_is_a_setting(self):
+        settings = dynamic_reconfigure.client.Client('catnav', timeout=WAIT)
+        settings.update_configuration({'planner_budget': 12.5})
+        self.assertEqual(json.loads(self.client.plan(ROUTE).report_json)['repeat']['settings'], {'planner_budget': 12.5})
+        bend = arc((0.03, 0.01), 0.03, np.pi, np.pi / 2)  # no straight way leads through it
+        self.assertTrue(self.client.send(*isosurface(along(bend, 0.004), (-0.006, -0.006, 0.002), (0.036, 0.006, 0.046), 1e-3),
+                                         frame='map'))
+        settings.update_configuration({'planner_budget': 1e-9})
+        self.expect(self.client.plan(bend[[2, -3]]), Verdict.TIMEOUT, 'planner.budget (1e-09 s')
+        settings.update_configuration({'planner_budget': -1})
+        self.assertNotEqual(self.client.plan(bend[[2, -3]]).verdict.code, Verdict.TIMEOUT)
+        self.assertTrue(self.client.send(*TUBE, frame='map'))
+        settings.close()
+
+    def figures(self):
+        while True:
+            for status in rospy.wait_for_message('/diagnostics', DiagnosticArray, WAIT).status:
+                if 'catnav' in status.name and status.values:
+                    return {v.key: v.value for v in status.values}
 
     def lay(self, frame, translation, rotation=(0, 0, 0, 1)):
         """`frame` in map."""
@@ -244,6 +283,20 @@ class Rviz(unittest.TestCase):
             self.assertLess(np.linalg.norm([0.3 - a.z - b.x, -0.2 - a.y - b.y, -0.1 + a.x - b.z]), 1e-4)
         outside = self.client.plan([(9, 9, 9), (9, 9, 8)], header=Header(frame_id='table'))
         self.expect(outside, Verdict.BAD_INPUT, 'entry')
+
+    def test_clicks_and_drags_in_a_frame_that_tf_knows_are_brought_into_the_nodes(self):
+        self.lay('couch', (0, 0, 0.02))
+        rospy.sleep(0.5)
+        self.fresh(0.01)
+        self.hand.press((0.004, 0, 0.03), 'couch')
+        self.assertTrue(self.hand.until(lambda: len(self.hand.marks) == 2))
+        self.near(self.hand.places(), [(0, 0, 0.01), (0, 0, 0.05)])
+        self.hand.drag(1, (0.001, 0, 0.04), 'couch')
+        self.assertTrue(self.hand.until(lambda: self.hand.places()[1][2] > 0.055))
+        self.near(self.hand.places()[1:], [(0.001, 0, 0.06)], 1e-9)
+        self.hand.press((0, 0, 0.03), 'moon')  # said in the log, and nothing is added
+        rospy.sleep(0.5)
+        self.assertEqual(len(self.hand.marks), 2)
 
     def test_a_frame_that_tf_does_not_know_is_an_error_in_words(self):
         self.expect(self.client.plan(ROUTE, header=Header(frame_id='moon')), Verdict.BAD_INPUT, 'moon', 'transform')

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """The launch file of the molecules scene: it plans by itself, both bodies and their skins are published."""
 import json
+import subprocess
 import sys
 import unittest
 
@@ -29,6 +30,9 @@ class Molecules(unittest.TestCase):
         self.assertEqual([body['model'] for body in report['bodies']], ['molecules', 'molecules'])
         rospy.sleep(1)
         self.assertEqual(set(topologies), {'bear', 'cushion', 'bear_skin', 'cushion_skin'})
+        echo = ['rostopic', 'echo', '-n', '4', '/catnav/catheter_topology/name']  # late, by a process of its own
+        said = subprocess.run(echo, capture_output=True, text=True, timeout=60).stdout
+        self.assertEqual({word.strip('"') for word in said.split()} - {'---'}, set(topologies))
         for name in ('bear_skin', 'cushion_skin'):
             seen = states[topologies[name].id]
             low = [np.array([p.z for p in state.vertices]).min() for state in (seen[0], seen[-1])]

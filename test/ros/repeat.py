@@ -64,6 +64,8 @@ class Repeat(unittest.TestCase):
         reports = [json.loads(result.report_json) for result in (first, second)]
         for report in reports:
             self.assertTrue(report['repeat']['walls'][0]['fnv1a'])
+            self.assertEqual([body['name'] for body in report['repeat']['bodies']], ['catheter'])
+            self.assertEqual(len(report['repeat']['bodies'][0]['fnv1a']), 16)
         for key in reports[0]:
             if key not in NOT_THE_PLANS:
                 self.assertEqual(reports[0][key], reports[1][key], key)

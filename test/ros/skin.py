@@ -7,6 +7,7 @@ import numpy as np
 import rospy
 import rostest
 from catnav.msg import MeshState, MeshTopology, Verdict
+from diagnostic_msgs.msg import DiagnosticArray
 from visualization_msgs.msg import Marker
 
 from shapes import Client, name_of, tube
@@ -48,6 +49,29 @@ class Skin(unittest.TestCase):
         self.assertLess(len(end.points), 3 * len(skin.triangles))
         shown = np.array([(p.x, p.y, p.z) for p in end.points])
         self.assertGreater(shown[:, 2].min(), 0.01 - 2 * 0.06 / 40)
+
+    def test_markers_are_thinned_to_the_triangles_that_they_may_have_and_the_rest_is_counted(self):
+        client, markers, topologies = Client('/thin'), {'artery': [], 'catheter': []}, []
+        subscribers = [rospy.Subscriber(f'/thin/{what}_marker', Marker, markers[what].append) for what in markers]
+        subscribers.append(rospy.Subscriber('/thin/catheter_topology', MeshTopology, topologies.append))
+        while not all(s.get_num_connections() for s in subscribers):
+            rospy.sleep(0.02)
+        vertices, triangles = tube([0, 0, 0], [0, 0, 0.08], 0.004)
+        self.assertTrue(client.send(vertices, triangles))
+        answer = client.plan([(0, 0, 0.01), (0, 0, 0.06)])
+        self.assertEqual(answer.verdict.code, Verdict.REACHED, answer.verdict.message)
+        rospy.sleep(0.5)
+        self.assertGreater(min(len(triangles), len(topologies[0].triangles)), 100)
+        for what, seen in markers.items():
+            most = max(len(m.points) for m in seen)
+            self.assertLessEqual(most, 150, what)
+            self.assertGreater(most, 0, what)
+        while True:
+            for status in rospy.wait_for_message('/diagnostics', DiagnosticArray, 30).status:
+                if 'thin' in status.name and status.values:
+                    left_out = {v.key: v.value for v in status.values}['triangles left out of markers']
+                    self.assertGreaterEqual(int(left_out), len(triangles) - 50)
+                    return
 
 
 if __name__ == '__main__':
