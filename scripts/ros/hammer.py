@@ -259,7 +259,7 @@ def flood(seconds=60, **_):
           f'{calm[0]:.2f} ms before, {flooded[0]:.2f} during, {flooded[0] / calm[0]:.2f} times (processor time {calm[1]:.3f} and '
           f'{flooded[1]:.3f} ms, {flooded[1] / calm[1]:.2f} times); {", ".join(f"{k} {v}" for k, v in figures.items() if "messages" in k or "refused" in k)}'
           f'; the plan {"lived and " if alive else "DIED, "}{"was cancelled" if ended else "DID NOT END"}, the next: {verdict.message}')
-    growth, slower = max(higher[0], after[0]) - memory[0], flooded[0] / calm[0]  # of what stays: a mesh in work comes and goes
+    growth, slower = after[0] - memory[0], flooded[0] / calm[0]  # of what stays: meshes and goals in work come and go
     served = verdict.code in (Verdict.REACHED, Verdict.BUSY)
     return bool(alive and ended and served and int(figures['messages dropped']) > 0 and max(higher[1], after[1]) - memory[1] < 32 * 2**20 and
                 (seconds < LONG or (growth <= 2**20 and slower <= 2)))
