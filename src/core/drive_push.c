@@ -11,9 +11,10 @@
  * the tries aim more and more to the sides of d. Then the limits decide, `progress` among them.
  *
  * A steered end begins straight; the curvature that it has at rest is what changes, as if wires in it did it,
- * to either side of n. It is that of the arc from the root, along u, to a point of the path a little ahead of
- * the tip: 2 sin(a) / r, a between u and the chord, r the chord's length (pure pursuit, Coulter 1992), as far
- * as it lies in the plane of n; the base turns the plane. It is drawn back straight. */
+ * to either side of n. It is that of the arc from the root, along u, to the path ahead: 2 sin(a) / r, a
+ * between u and the chord, r the chord's length (pure pursuit, Coulter 1992), or what turns the tip into the
+ * path's direction, whichever is more, as far as it lies in the plane of n; the base turns the plane. Drawn
+ * back past a mouth that it missed it is bent fully: so it hooks into it, and goes on from there. */
 #include "sim.h"
 
 #include <math.h>
@@ -23,6 +24,11 @@
 enum { TRIES = 8 }; /* on one stretch */
 static const double pi = 3.14159265358979323846, most_turning = 4 * 3.14159265358979323846; /* for one try */
 static const double time_to_bend = 0.5; /* of a steered end, from straight to its full curvature [s] */
+
+static double clamp(double value, double low, double high)
+{
+    return value < low ? low : value > high ? high : value;
+}
 
 /* A section of the catheter: its centre, n and heading towards the tip. */
 typedef struct {
@@ -103,12 +109,12 @@ static double stretch_of(const cn_model_body *body)
     return fmax(bend_length(body), 4 * body->diameter);
 }
 
-/* Where the way leads from, seen by the end, and to, over its length and as much again, half as much for a
- * steered one: along the path; close to a waypoint, and for a steered end, from the root. */
+/* Where the way leads from, seen by the end, and to, over its length and as much again: along the path; close
+ * to a waypoint, and for a steered end, from the root. */
 static void way_ahead(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
                       const section *root, double from[3], double to[3])
 {
-    const double length = bend_length(body), look = body->spec->drive.bend_steered ? 0.5 * length : length;
+    const double look = bend_length(body);
     const int next = state->waypoint < path->nwaypoint ? state->waypoint : path->nwaypoint - 1;
     const bool near = fabs(path->s[path->waypoint[next]] - state->s_goal) < look;
     cn_place place;
@@ -119,23 +125,28 @@ static void way_ahead(const cn_model_body *body, const cn_body_state *state, con
 }
 
 /* Side of d that a try aims at: d itself, then more and more to either side. */
-static double side_of(int tries)
+static double side_of(int tries, bool steered)
 {
     const int k = tries > 1 ? tries - 1 : 0;
-    return (k % 2 ? 1 : -1) * 0.25 * pi * ((k + 1) / 2);
+    return (k % 2 ? 1 : -1) * (steered ? 0.08 : 0.25) * pi * ((k + 1) / 2);
 }
 
 /* A steered end bends away from n as well as towards it: whichever it does now, unless the other is nearer by
  * far. */
-static void aim_steered(const cn_model_body *body, const cn_body_state *state, double chord, double side,
-                        aim *a)
+static void aim_steered(const cn_model_body *body, const cn_body_state *state, const cn_path *path,
+                        const section *root, double chord, double side, aim *a)
 {
-    const double bend = 2 * side / (chord * body->spec->drive.bend_curvature);
+    const double length = bend_length(body), full = body->spec->drive.bend_curvature;
+    cn_place ahead;
+    cn_path_at(path, state->s_goal + 0.5 * length, &ahead);
+    const double turn = acos(clamp(cn_dot(ahead.t, root->u), -1, 1));
+    const double bend = fmax(2 * side / chord, turn / length) / full;
     double sense = state->push.bend < 0 ? -1 : 1;
     if (sense * cos(a->angle) < -0.3) sense = -sense;
     if (sense < 0) a->angle = remainder(a->angle + pi, 2 * pi);
     a->weight = fmin(1, 4 * bend);
-    a->bend = state->push.phase == CN_PUSH_BACK ? 0 : sense * fmin(bend, 1) * fmax(cos(a->angle), 0);
+    const bool hooks = state->push.phase == CN_PUSH_BACK; /* falls into the mouth that it is drawn past */
+    a->bend = sense * (hooks ? 1 : fmin(bend, 1)) * fmax(cos(a->angle), 0);
 }
 
 static aim steering(const cn_model_body *body, const cn_body_state *state, const cn_path *path)
@@ -152,17 +163,13 @@ static aim steering(const cn_model_body *body, const cn_body_state *state, const
     const double ahead = cn_dot(d, root.u);
     cn_axpy(-ahead, root.u, d);
     a.weight = fmin(1, 10 * cn_norm(d));
-    a.angle = remainder(angle_about(root.u, root.n, d) + side_of(state->push.tries), 2 * pi);
+    a.angle = remainder(
+        angle_about(root.u, root.n, d) + side_of(state->push.tries, body->spec->drive.bend_steered), 2 * pi);
     if (body->spec->drive.bend_steered)
-        aim_steered(body, state, chord, ahead > 0 ? cn_norm(d) : 1, &a);
+        aim_steered(body, state, path, &root, chord, ahead > 0 ? cn_norm(d) : 1, &a);
     else if (fabs(a.angle) > pi / 2 && a.angle * state->push.sense < 0)
         a.angle += 2 * pi * state->push.sense;
     return a;
-}
-
-static double clamp(double value, double low, double high)
-{
-    return value < low ? low : value > high ? high : value;
 }
 
 cn_status cn_push_check(const cn_body_spec *spec, bool sheath, cn_error *error)
@@ -220,12 +227,12 @@ void cn_push_prepare(const cn_model_body *body, const cn_body_state *state, cons
     const aim to = steering(body, state, path);
     const double bend = clamp(to.bend - push->bend, -dt / time_to_bend, dt / time_to_bend);
     const double slower = (1 - 0.5 * to.weight * (1 - cos(to.angle))) *
-                          clamp(1.2 - fabs(to.bend - push->bend), 0.1, 1) *
+                          clamp(1.2 - 2 * fabs(to.bend - push->bend), 0.05, 1) *
                           clamp(5 * (push->margin - 0.05), 0.1, 1);
     double advance = clamp(left / cn_drive_lookahead(body), -1, slower) * spec->speed * dt;
 
     if (push->phase == CN_PUSH_TURN) advance = 0;
-    if (push->phase == CN_PUSH_BACK) advance = -most;
+    if (push->phase == CN_PUSH_BACK) advance = spec->bend_steered ? -0.4 * most : -most;
     advance = clamp(advance, -most, most);
     drive->advance = clamp(state->inserted + advance, 0, fmax(last, state->inserted)) - state->inserted;
     drive->advance = clamp(drive->advance, -most, most); /* also after rounding */
@@ -234,7 +241,7 @@ void cn_push_prepare(const cn_model_body *body, const cn_body_state *state, cons
         drive->nfree = out < state->nfree ? out : state->nfree;
     }
     drive->bend = push->bend + bend;
-    if (push->phase == CN_PUSH_BACK) return;
+    if (push->phase == CN_PUSH_BACK && !spec->bend_steered) return;
     drive->turn =
         clamp(to.weight * to.angle * dt / (10 * body->tick), -spec->twist_max * dt, spec->twist_max * dt);
     if (drive->turn == 0) return;
@@ -263,9 +270,21 @@ static void try_again(const cn_model_body *body, cn_body_state *state, const cn_
     cn_path_at(path, state->s_goal, &here);
     cn_sub(state->x + 3 * body->goal_node, here.x, push->strayed);
     cn_normalise(push->strayed);
+    push->strayed_at = state->s_goal;
     push->phase = CN_PUSH_BACK, push->tries++;
     push->mark = fmax(push->mark, push->best);
     push->until = fmax(0, state->inserted - way);
+}
+
+/* A steered end that is drawn back has slid into the way: it is on the path, and points along it. */
+static bool caught(const cn_model_body *body, const cn_body_state *state, const cn_path *path)
+{
+    section tip;
+    cn_place here;
+    section_at(body, state, 0, &tip);
+    cn_path_at(path, state->s_goal, &here);
+    return !state->push.hidden && state->s_goal > state->push.strayed_at + 2 * body->diameter &&
+           cn_distance(tip.x, here.x) < 1.5 * body->diameter && cn_dot(tip.u, here.t) > 0.7;
 }
 
 void cn_push_progress(const cn_model_body *body, cn_body_state *state, const cn_path *path)
@@ -304,6 +323,10 @@ void cn_push_progress(const cn_model_body *body, cn_body_state *state, const cn_
             push->phase = CN_PUSH_ADVANCE, push->turned = most_turning;
         break;
     case CN_PUSH_BACK:
+        if (body->spec->drive.bend_steered && caught(body, state, path)) {
+            push->phase = CN_PUSH_ADVANCE, push->best = state->s_goal, push->best_at = state->inserted;
+            break;
+        }
         if (state->inserted > 0 && (state->inserted > push->until || push->hidden)) break;
         push->phase = CN_PUSH_TURN, push->turned = 0;
         push->best = state->s_goal, push->best_at = state->inserted;

@@ -80,7 +80,8 @@ typedef struct {
     double turned;        /* by the base since `mark` or the last try, either way [rad] */
     double sense;         /* in which it turns while the angle is more than a right one: 1, -1 */
     double margin;        /* to the nearest limit, as a share of it; 1: none near */
-    double strayed[3];    /* unit vector from the path to where it was before the last try */
+    double strayed[3];    /* unit vector from the path to where it was before the last try, */
+    double strayed_at;    /* ... and s_goal there [m] */
     bool hidden;          /* a wall lies between the goal node and its place on the path */
     double bend;          /* of a steered end, as a share of its full curvature; below 0: away from n */
 } cn_push;

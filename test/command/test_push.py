@@ -52,6 +52,16 @@ class Push(Runs):
         farthest = max(range(len(advance)), key=lambda i: max(advance[:i + 1]) - advance[i])
         self.assertGreater(max(advance[:farthest + 1]) - advance[farthest], 0.05)  # drawn back, not put back
 
+    def test_a_steered_end_takes_either_arm_and_is_bent_no_faster_than_it_can(self):
+        for way in (TIGHT, WIDE):
+            report = self.pushed(way, "bodies.0.drive.tip_bend.steered=on", "bodies.0.drive.tip_bend.length=0.02")
+            self.reached(report)
+            notes = report["drive"]["insertion"]
+            self.assertEqual(notes[0]["curvature"], 0)
+            self.assertGreater(max(abs(note["curvature"]) for note in notes), 20)
+            for a, b in zip(notes, notes[1:]):  # half a second from straight to 80 1/m
+                self.assertLessEqual(abs(b["curvature"] - a["curvature"]), 80 * STEP / 0.5 * (1 + 1e-9))
+
     def test_what_it_is_not_made_for_is_said_in_words(self):
         for setting, word in (("bodies.0.shape.catheter.sheath=off", "sheath: on"),
                               ("bodies.0.drive.tip_bend.length=0", "tip_bend"),
