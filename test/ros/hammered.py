@@ -4,6 +4,7 @@ import io
 import os
 import struct
 import sys
+import tempfile
 import time
 import unittest
 
@@ -24,6 +25,11 @@ class Hammered(unittest.TestCase):
 
     def test_a_flood_is_bounded_counted_and_leaves_the_plan_running(self):
         self.assertTrue(hammer.flood(seconds=4))
+
+    def test_half_a_minute_of_everything_crosses_nothing_and_keeps_its_memory_and_handles(self):
+        with tempfile.TemporaryDirectory() as folder:
+            self.assertTrue(hammer.soak(seconds=25, out=folder))
+            self.assertEqual(sorted(os.listdir(folder)), ['soak.csv', 'soak.svg'])
 
     def test_a_list_longer_than_its_message_is_not_made(self):
         node = hammer.Node()
