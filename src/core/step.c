@@ -606,6 +606,15 @@ static bool lies_still(const cn_stage *s, const cn_body_state *to)
     return true;
 }
 
+/* A rod's frames; with a steered end as it was bent in the step. */
+static double *frames_at_start(const cn_part *part, const cn_body_state *from, const cn_body_state *to)
+{
+    if (from->push.bend == to->push.bend) return from->rotation;
+    memcpy(part->bent, from->rotation, 4 * (size_t)part->body->body->nturn * sizeof *part->bent);
+    part->bent[4 * (size_t)part->body->body->nnode] = to->push.bend;
+    return part->bent;
+}
+
 double cn_step_residual(const cn_model *model, const cn_state *state, const cn_state *trial,
                         const cn_path *const *path, double dt, cn_work *work)
 {
@@ -627,7 +636,7 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
         const cn_body *b = part->body->body;
         const cn_body_state *to = &trial->body[part->index];
         const size_t all = 3 * (size_t)b->nblock * sizeof(double);
-        s->rotation = b->nblock > b->nnode ? s->from->rotation : to->rotation;
+        s->rotation = b->nblock > b->nnode ? frames_at_start(part, s->from, to) : to->rotation;
         cn_stage_external(s, last_stage(s, to, state->time, dt));
         memset(part->elastic, 0, all), memset(part->path, 0, all), memset(part->touch, 0, all);
         memset(part->damped, 0, all);

@@ -51,6 +51,7 @@ typedef struct {
     int factored_nfree;                 /* ... with this many free nodes */
     double factored_h;                  /* ... and this step */
     double *factored_turn;              /* ... at these element rotations (nturn x 4) */
+    double *bent; /* frames at the step's start with the end bent as in it (nturn x 4) */
 } cn_part;
 
 /* What is fixed while one minimum is sought, for one body:

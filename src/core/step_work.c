@@ -24,6 +24,7 @@ static void hand_out(cn_part *part, size_t blocks, size_t nodes)
     part->drive.hold = next + 3 * nodes;
     part->spin = next + 4 * nodes;
     part->factored_turn = part->spin + (blocks > nodes ? 9 * nodes : 0);
+    part->bent = part->factored_turn + 4 * part->body->body->nturn;
 }
 
 /* Levels of the pattern, a catheter's by station. */
@@ -80,7 +81,7 @@ static cn_status part_new(cn_part *part, const cn_model *model, int index, cn_po
                       .index = index,
                       .pool = pool};
     if (!(part->held = calloc(blocks, 1))) return CN_ERR_MEMORY;
-    if (!(part->memory = calloc(57 * blocks + 25 * nodes + 4 * (size_t)b->nturn, sizeof(double))))
+    if (!(part->memory = calloc(57 * blocks + 25 * nodes + 8 * (size_t)b->nturn, sizeof(double))))
         return CN_ERR_MEMORY;
     hand_out(part, blocks, nodes);
     part->anchored = memchr(body->fixed, 1, blocks) != NULL;

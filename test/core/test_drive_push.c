@@ -238,6 +238,7 @@ static void a_steered_end_bends_to_the_side_where_the_way_is(void **state)
             assert_true(fabs(list[j].curvature - list[j - 1].curvature) <=
                         2 * k * (list[j].time - list[j - 1].time) * (1 + 1e-9));
         assert_true(w.report.body[0].energy < 1e-5 * 0.5 * ei * k * k * length); /* at rest, so bent */
+        assert_true(w.report.solver.residual_max < 1e-3);
         cn_report_clear(&w.report);
     }
 }
