@@ -52,6 +52,20 @@ void command_print_error(const cn_error *error)
     fputc('\n', stderr);
 }
 
+static void print_warning(void *user, cn_log_level level, const char *file, int line, const char *text)
+{
+    (void)user, (void)file, (void)line;
+    if (level < CN_LOG_WARNING) return;
+    fputs("warning: ", stderr);
+    print_line(text);
+    fputc('\n', stderr);
+}
+
+void command_print_warnings(void)
+{
+    cn_log_set_sink(print_warning, NULL);
+}
+
 static bool refuse(const command_t *command, const char *sentence, const char *word)
 {
     fprintf(stderr, "catnav %s: %s \"%s\"; see catnav %s --help\n", command->name, sentence, word,

@@ -35,6 +35,7 @@ typedef struct {
 bool command_options(const command_t *command, int argc, char **argv, const option_t *options,
                      const char *what, const char **operand);
 void command_print_error(const cn_error *error); /* FILE:LINE: sentence, on stderr */
+void command_print_warnings(void);               /* the library's, on stderr, from now on */
 enum { MOST_THREADS = 64 };                      /* what --threads takes in every subcommand */
 int command_threads(void);                       /* as many as there are cores */
 

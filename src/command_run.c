@@ -130,6 +130,7 @@ static int run_scene(int argc, char **argv)
         return COMMAND_REFUSED;
     command_catch_signals();
     run.bar = !quiet && isatty(STDERR_FILENO);
+    if (!quiet) command_print_warnings();
     if (cn_scene_read(&scene, scene_file, settings.n, settings.setting, &error) != CN_OK ||
         (run.folder && cn_frames_open(&run.frames, run.folder, &error) != CN_OK)) {
         command_print_error(&error);

@@ -255,6 +255,28 @@ static cn_status build_molecules(cn_model_body *out, const cn_world *world, unsi
     return status;
 }
 
+/* What a mesh makes of the answer is said before the run. */
+static void warn_of_mesh(const cn_body_spec *spec, const cn_tets *mesh)
+{
+    const cn_material *material = &spec->material;
+    cn_tets_doctor doctor;
+    if (spec->model == CN_BODY_TET4 && material->poisson >= 0.45)
+        CN_LOG(
+            CN_LOG_WARNING,
+            "body %s: linear tetrahedra lock at a Poisson's ratio of %g, and bend and shear far too stiffly: "
+            "`model: tet10` does not",
+            spec->name, material->poisson);
+    if (spec->shape.kind != CN_SHAPE_FILE || cn_tets_measure(mesh, &doctor, NULL) != CN_OK) return;
+    if (doctor.slivers > 0 || doctor.aspect_max > 100)
+        CN_LOG(
+            CN_LOG_WARNING,
+            "body %s: %d of %d tetrahedra are slivers, with a dihedral angle below 1 degree; the worst is %d "
+            "(%.3g degrees), the flattest %d (%.3g times as long as thick): stress beside them means little, "
+            "mesh the shape anew",
+            spec->name, doctor.slivers, doctor.ntet, doctor.dihedral_min_tet, doctor.dihedral_min,
+            doctor.aspect_max_tet, doctor.aspect_max);
+}
+
 static cn_status build_body(cn_model_body *out, const cn_world *world, unsigned seed, cn_error *error)
 {
     const cn_body_spec *spec = out->spec;
@@ -269,6 +291,7 @@ static cn_status build_body(cn_model_body *out, const cn_world *world, unsigned 
              : spec->wall ? cn_model_fill_wall(&mesh, &world->wall[out->wall], spec->model, error)
                           : cn_model_mesh(&mesh, &spec->shape, spec->model, error);
     if (status != CN_OK) goto done;
+    if (mesh) warn_of_mesh(spec, mesh);
     if (spec->shape.kind == CN_SHAPE_CATHETER) {
         if ((status = lay_catheter(out, mesh, &along)) != CN_OK) goto done;
         out->sheath = spec->shape.catheter.sheath == CN_ON ||

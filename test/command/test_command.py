@@ -200,6 +200,21 @@ class Command(unittest.TestCase):
                 command.communicate(timeout=1.5)
                 self.assertEqual(command.returncode, -second)
 
+    def test_a_mesh_or_material_that_spoils_the_answer_is_told_before_it(self):
+        locks = ("--set", "bodies.0.material.poisson=0.49", "--set", "bodies.0.model=tet4")
+        done = self.run_it("run", self.beam, *locks)
+        self.assertRegex(done.stderr, r"^warning: body .*lock.* 0\.49.*tet10")
+        self.assertNotIn("warning", self.run_it("run", self.beam, *locks, "--quiet").stderr)
+        self.assertNotIn("warning", self.run_it("run", self.beam, "--set", "bodies.0.model=tet10").stderr)
+        with open(self.path("flat.node"), "w") as node, open(self.path("flat.ele"), "w") as ele:
+            node.write("5 3 0 0\n0 0 0 0\n1 0.1 0 0\n2 0 0.1 0\n3 0 0 0.1\n4 0.03 0.03 -0.000001\n")
+            ele.write("2 4 0\n0 0 1 2 3\n1 0 2 1 4\n")
+        with open(self.path("flat.yaml"), "w") as scene:
+            scene.write("step: 0.01\ntime_limit: 0.02\ncontact: {method: none}\nbodies:\n- name: chip\n  shape: {file: flat.node}\n"
+                        "  model: tet4\n  material: {young: 1.0e+5, poisson: 0.3, density: 1000}\n")
+        done = self.run_it("run", self.path("flat.yaml"))
+        self.assertRegex(done.stderr, r"^warning: body chip: 1 of 2 tetrahedra are slivers.* the worst is 1 ")
+
     def test_a_terminal_shows_progress(self):
         try:
             main, terminal = pty.openpty()
