@@ -5,7 +5,7 @@ BIN   := $(BUILD)/devel/lib/catnav/catnav
 DEMO  := $(BUILD)/demo
 CTEST := cd $(BUILD) && ROS_HOSTNAME=localhost ctest -V -j$(JOBS)
 
-.PHONY: build packages packages-dev demo test test-reference test-insertions test-oracle study fuzz asan tsan coverage lint doc clean
+.PHONY: build packages packages-dev demo test test-reference test-insertions test-oracle study fuzz asan tsan alloc coverage lint doc clean
 
 # catkin leaves paths that do not exist yet out of the test environment: a fresh tree is configured twice
 build: packages
@@ -62,6 +62,10 @@ asan: build
 # Threaded tests and 64 clients of the node for SECONDS under the thread sanitizer
 tsan: build
 	sh scripts/sanitize.sh thread $(BUILD) $(SECONDS)
+
+# Every allocation of the node failing in turn, not one in 61
+alloc: build
+	CATNAV_EVERY_ALLOCATION=1 $(BUILD)/test/test_node
 
 # Lines and branches of the core that its tests reach, a line a file; fails below 95 % and 85 %
 coverage: packages

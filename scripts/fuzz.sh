@@ -2,7 +2,7 @@
 # scripts/fuzz.sh SECONDS FOLDER [KEEP]: every fuzzer of test/fuzz for so long each, built and kept in FOLDER. Begins with
 # the files of test/data, test/fuzz/corpus, and what earlier runs found in FOLDER/corpus; an input that breaks something
 # is left in FOLDER/found, and the status is 1. KEEP: a folder (test/fuzz/corpus) into which what reaches more than
-# other inputs do is packed.
+# other inputs do, and what was found, is packed.
 seconds=$1
 out=$2
 keep=$3
@@ -28,6 +28,11 @@ seed ply "$data"/meshes/*.ply
 seed msh "$data"/meshes/*.msh
 seed scene "$root"/launch/scenes/*.yaml "$data"/scenes/*.yaml "$root"/test/ros/*.yaml
 seed tetgen
+seed positions
+{ printf '\002'; echo '0 0 0 # at rest'; echo '1e-3 -2.5 .5'; } > "$out/corpus/positions/two"
+seed molecules
+{ echo '# x y z r'; echo '0 0 0 0.01'; echo '0.015 0 0 0.01'; } > "$out/corpus/molecules/two"
+printf '0 0 0\n0.015 0 0\n0.015 0.012 0\n' > "$out/corpus/molecules/three"
 { cat "$data/meshes/tetra.node"; echo '#ele'; cat "$data/meshes/tetra.ele"; } > "$out/corpus/tetgen/tetra"
 
 status=0
@@ -48,6 +53,7 @@ for fuzzer in "$root"/test/fuzz/fuzz_*.c; do
     if [ -n "$keep" ]; then
         mkdir -p "$out/least/$kind" "$keep"
         (cd "$out" && "./$name" -merge=1 -max_len=2048 "least/$kind" "corpus/$kind") > "$out/$name.merge.log" 2>&1
+        cp "$out/found/$kind-"* "$out/least/$kind/" 2> /dev/null # what broke it is tried ever after
         tar -C "$out/least/$kind" --sort=name --owner=0 --group=0 --mtime=@0 -cf - . | gzip -n9 > "$keep/$kind.tar.gz"
     fi
 done

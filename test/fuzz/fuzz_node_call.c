@@ -45,12 +45,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     tape t = {data, size}, none = {untuned, 2};
     if (!node) node = fuzz_node(true);
     tune(node, &none);
+    count_begin(size + (3u << 20)); /* plans take memory of their own, whatever is asked */
     for (int i = 0; i < 4 && t.left; i++) {
         if (take(&t) % 4 == 0)
             tune(node, &t);
         else
             call(node, &t);
     }
+    count_end();
     fuzz_judge();
     return 0;
 }
