@@ -150,6 +150,70 @@ static void test_a_bad_request_is_refused_in_words_and_the_next_one_served(void 
     assert_string_equal(fake_wrong(), "");
 }
 
+static void test_a_bad_parameter_of_the_nodes_own_is_refused_in_words(void **state)
+{
+    (void)state;
+    static const cn_setting bad[] = {{"on_busy", "maybe"},     {"on_busy", "Queue"},    {"queue_size", "0"},
+                                     {"queue_size", "65"},     {"queue_size", "nan"},   {"frame_rate", "0"},
+                                     {"frame_rate", "-1"},     {"frame_rate", "inf"},   {"frame_rate", "nan"},
+                                     {"triangles_max", "0.5"}, {"triangles_max", "nan"}};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        const cn_setting parameter[] = {small[0], small[1], bad[i], {NULL, NULL}};
+        cn_node *node = NULL;
+        cn_error error = {0};
+        char words[64];
+        assert_int_equal(fake_node(&node, scene_file, folder, parameter, &error), CN_ERR_ARG);
+        assert_null(node);
+        snprintf(words, sizeof words, "~%s is ", bad[i].key);
+        assert_non_null(strstr(error.message, words));
+        assert_non_null(strstr(error.message, "expected"));
+    }
+}
+
+/* Every key of a scene that names a file: none is read outside the folders. */
+static void test_no_key_of_a_requested_scene_leads_out_of_its_folders(void **state)
+{
+    (void)state;
+    static const char body[] =
+        "bodies:\n  - name: cube\n    model: tet4\n    material: {young: 1.0e4, poisson: 0.3, "
+        "density: 1000}\n    shape: {beam: {size: [.01, .01, .01], cells: [1, 1, 1]}}\n";
+    static const char of_file[] =
+        "bodies:\n  - name: cube\n    material: {young: 1.0e4, poisson: 0.3, density: 1000}\n";
+    static const struct {
+        const char *head, *key, *extension;
+    } cases[] = {{body, "    skin: {file: %s}\n", "obj"},
+                 {body, "    start: {positions: %s}\n", "txt"},
+                 {of_file,
+                  "    model: molecules\n    molecules: {file: %s}\n    shape: {beam: {size: [.01, .01, "
+                  ".01], cells: [1, 1, 1]}}\n",
+                  "txt"},
+                 {of_file, "    model: tet4\n    shape: {file: %s}\n", "ele"},
+                 {of_file, "    model: tet4\n    shape: {file: %s}\n", "node"},
+                 {of_file, "    model: tet4\n    shape: {file: %s}\n", "msh"},
+                 {body, "obstacles:\n  - {name: rock, shape: {file: %s}}\n", "obj"},
+                 {body, "obstacles:\n  - {name: rock, surface: {file: %s}}\n", "obj"},
+                 {body, "vessels:\n  - {name: artery, surface: {file: %s}}\n", "stl"},
+                 {body, "shown:\n  - {file: %s}\n", "obj"}};
+    char other[] = "/tmp/catnav_data_XXXXXX";
+    cn_node *node = new_node((const cn_setting[]){{NULL, NULL}});
+    assert_non_null(mkdtemp(other));
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char file[96], key[512], text[2048];
+        cn_ros_request r = request();
+        snprintf(file, sizeof file, "%s/secret.%s", other, cases[i].extension);
+        write_text(file, "0 0 0\n");
+        snprintf(key, sizeof key, cases[i].key, file);
+        snprintf(text, sizeof text, "scene: asks\nstep: 0.01\ntime_limit: 0.02\n%s%s", cases[i].head, key);
+        write_text(in_folder("asks.yaml"), text);
+        r.scene = "asks.yaml";
+        expect(r, CN_VERDICT_BAD_INPUT, "outside the folders");
+        unlink(file);
+    }
+    rmdir(other);
+    fake_node_free(node);
+    assert_string_equal(fake_wrong(), "");
+}
+
 static void test_a_requested_scene_follows_no_path_out_of_its_folders(void **state)
 {
     (void)state;
@@ -445,6 +509,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_a_bad_request_is_refused_in_words_and_the_next_one_served),
+        cmocka_unit_test(test_a_bad_parameter_of_the_nodes_own_is_refused_in_words),
+        cmocka_unit_test(test_no_key_of_a_requested_scene_leads_out_of_its_folders),
         cmocka_unit_test(test_a_requested_scene_follows_no_path_out_of_its_folders),
         cmocka_unit_test(test_a_bad_mesh_message_is_refused_and_the_mesh_before_it_stays),
         cmocka_unit_test(test_a_cancel_while_a_map_is_made_is_answered_and_the_next_call_served),
