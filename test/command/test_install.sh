@@ -10,13 +10,14 @@ cp "$(dirname "$0")"/../ros/tube.{yaml,obj} "$folder"
 setup=$(find "$folder" -name setup.bash)
 [ -n "$setup" ] || { echo "no setup.bash was installed"; exit 1; }
 
+mkdir "$folder/ros"
 ordinary=
 if [ "$(id -u)" = 0 ]; then
     chown -R 65534:65534 "$folder"
     ordinary="setpriv --reuid 65534 --regid 65534 --clear-groups"
 fi
 # nothing of the build or of the caller's environment is to be had there
-$ordinary env -i HOME="$folder" ROS_HOME="$folder" PATH=/usr/bin:/bin ROS_HOSTNAME=localhost bash -c '
+$ordinary env -i HOME="$folder" ROS_HOME="$folder/ros" PATH=/usr/bin:/bin ROS_HOSTNAME=localhost bash -c '
     . "$0" || exit 1
     [ "$(id -u)" != 0 ] || exit 1
     share=$(rospack find catnav) || exit 1
