@@ -330,6 +330,49 @@ static void refit(cn_run_data *run)
     if (same) entry->error = 0;
 }
 
+/* By how much a triangle of a wall that gives way has turned out of its rest plane, most, in what was kept
+ * of the run [rad]. */
+static double wall_turn(const cn_run_data *run)
+{
+    double most = 0;
+    for (int b = 0; b < run->nbody; b++) {
+        const cn_body *body = run->model->body[b].body;
+        if (body->model != CN_BODY_MEMBRANE && body->model != CN_BODY_SHELL) continue;
+        for (int i = 0; i < run->leave.nshot; i++)
+            for (int t = 0; t < body->boundary->ntri; t++) {
+                const int *c = body->boundary->tri + 3 * (size_t)t;
+                double n[2][3], across[3];
+                for (int now = 0; now < 2; now++) {
+                    const double *x = now ? run->leave.shot[i].after->body[b].x : body->rest;
+                    double e[2][3];
+                    cn_sub(x + 3 * c[1], x + 3 * c[0], e[0]), cn_sub(x + 3 * c[2], x + 3 * c[0], e[1]);
+                    cn_cross(e[0], e[1], n[now]);
+                }
+                cn_cross(n[0], n[1], across);
+                most = fmax(most, atan2(cn_norm(across), cn_dot(n[0], n[1])));
+            }
+    }
+    return most;
+}
+
+/* A wall's stiffness stays that of its rest shape: a part that turns by an angle a shows a strain of a^2 / 2,
+ * by which its nodes are off at most, in proportion to its size. */
+static void frozen_wall(cn_run_data *run)
+{
+    const double turn = wall_turn(run);
+    cn_left_out *entry =
+        entry_of(run, "wall_solve",
+                 "walls that give way are factored once: none of their triangles was seen turned by more "
+                 "than %.2g rad",
+                 turn);
+    if (run->leave.nshot > 0) entry->error = 0.5 * turn * turn;
+    if (turn > 0.1)
+        CN_LOG(CN_LOG_WARNING,
+               "a wall that gives way turned by %.2g rad, its stiffness did not: it shows a strain of %.1g "
+               "that is none; a stiffer foundation or a softer device turns it less",
+               turn, 0.5 * turn * turn);
+}
+
 static void wall_solve(cn_run_data *run)
 {
     if (run->world->nwall == 0 || run->scene->leave_out.wall_solve == CN_OFF) return;
@@ -340,6 +383,8 @@ static void wall_solve(cn_run_data *run)
         entry_of(run, "wall_solve", "the walls are rigid: there is nothing to solve")->error = 0;
     else if (run->scene->leave_out.wall_solve == CN_ON)
         entry_of(run, "wall_solve", "asked for: walls that give way are taken as rigid");
+    else
+        frozen_wall(run);
 }
 
 static void self_contact(cn_run_data *run)

@@ -198,6 +198,17 @@ class Doors(Runs):
         report = self.refused(BEND, "RAN", 0, "bodies.0.waypoints=[]", "time_limit=0.5")
         self.assertEqual((report["status"], report["steps"]), ("ran", 25))
 
+    def test_a_wall_that_turns_more_than_its_frozen_stiffness_bears_says_so(self):
+        wall = "{model: membrane, thickness: 1e-4, young: 1e5, poisson: 0.4, density: 1000, foundation: %g}"
+        turned = []
+        for foundation in (1e6, 1e9):
+            report = self.run_it(BEND, "vessels.0.wall=" + wall % foundation, "bodies.0.model=rod", "time_limit=2")
+            entry = [e for e in report["left_out"] if e["what"] == "wall_solve"][0]
+            self.assertIn("factored once", entry["why"])
+            turned.append(entry["error"])
+        self.assertGreater(turned[0], 0.005)  # by more than 0.1 rad
+        self.assertLess(turned[1], 0.1 * turned[0])
+
     def test_what_is_not_available_is_said_in_words(self):
         wall = "{model: %s, thickness: 1e-4, young: 1e5, poisson: 0.4, density: 1000, foundation: 1e6}"
         rock = "obstacles=[{name: rock, shape: {sphere: {centre: [0, 0, 1], radius: 0.01}}, path: [[0, 0, 1]]}]"
