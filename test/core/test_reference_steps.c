@@ -105,11 +105,11 @@ static misfit golden(const json_t *one, int scheme, unsigned *seed, double *x)
         const stepper_motion now = stepper_moves(&s);
         for (int i = 0; i < 3; i++) {
             fastest = fmax(fastest, fabs(log[8 * k + i]) / start.mass);
-            worst.momentum =
-                fmax(worst.momentum, fabs(now.linear[i] - log[8 * k + i]) / (start.mass * fastest));
+            worst.momentum = fmax(worst.momentum, fabs(now.linear[i] - log[8 * k + i]));
             worst.angular = fmax(worst.angular, fabs(now.angular[i] - log[8 * k + 3 + i]) / spin);
         }
     }
+    worst.momentum /= start.mass * fastest;
     json_numbers(want, "final_positions", final), json_numbers(want, "final_velocities", speed);
     for (int i = 0; i < n; i++) {
         cn_copy3(s.now->x + 3 * place[i], x + 3 * i);
@@ -138,7 +138,8 @@ static void golden_steps_come_out_in_any_order_of_nodes_and_elements(void **stat
             if (!schemes[k].golden) continue;
             for (int trial = 0; trial < 3; trial++) {
                 const misfit one_m = golden(one, k, trial ? &seed : NULL, x[trial]);
-                if (one_m.position > m.position) m = one_m;
+                m.position = fmax(m.position, one_m.position), m.velocity = fmax(m.velocity, one_m.velocity);
+                m.momentum = fmax(m.momentum, one_m.momentum), m.angular = fmax(m.angular, one_m.angular);
             }
             const int n = (int)json_array_size(json_object_get(one, "initial_velocities"));
             for (int i = 0; i < 3 * n; i++)
@@ -147,10 +148,11 @@ static void golden_steps_come_out_in_any_order_of_nodes_and_elements(void **stat
             print_message("%-14s %-8s position %.1e, velocity %.1e, momentum %.1e, spin %.1e; reorder %.1e\n",
                           json_string_value(json_object_get(one, "name")), schemes[k].name, m.position,
                           m.velocity, m.momentum, m.angular, reorder);
-            assert_true(m.position < (hard ? 1e-7 : 1e-9));
-            assert_true(m.momentum < 1e-11);
-            assert_true(m.angular < (hard ? 1e-6 : 1e-8));
-            assert_true(reorder < (hard ? 1e-8 : 1e-10));
+            const bool midpoint = schemes[k].integrator == CN_INTEGRATOR_MIDPOINT;
+            assert_true(m.position < (hard ? 1e-7 : 1e-9) && m.velocity < (hard ? 1e-6 : 1e-9));
+            assert_true(m.momentum < 1e-12);
+            assert_true(m.angular < (hard ? 1e-6 : midpoint ? 1e-9 : 1e-8));
+            assert_true(reorder < 1e-10);
         }
     }
     json_decref(json);
@@ -261,7 +263,7 @@ static void a_spring_swings_as_each_scheme_says(void **state)
     for (int k = 0; k < SCHEMES; k++) {
         print_message("spring, %-8s %d rows: modulus off by %.1e, phase by %.1e\n", schemes[k].name, rows[k],
                       worst[k][0], worst[k][1]);
-        assert_true(worst[k][0] <= 1e-6 && worst[k][1] <= 1e-6);
+        assert_true(rows[k] > 0 && worst[k][0] <= 1e-10 && worst[k][1] <= 1e-10);
     }
     cn_tets_free(mesh);
     fclose(file);
