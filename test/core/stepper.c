@@ -54,11 +54,11 @@ cn_status stepper_make(stepper *s, const cn_tets *mesh)
     char ele[80];
     snprintf(s->file, sizeof s->file, "/tmp/catnav_stepper_%ld.node", (long)getpid());
     snprintf(ele, sizeof ele, "%.*s.ele", (int)strlen(s->file) - 5, s->file);
-    write_mesh(s->file, mesh);
-    s->spec.shape.file = s->file, s->spec.nload = 1, s->spec.load = &s->load;
+    if (mesh) write_mesh(s->file, mesh), s->spec.shape.file = s->file;
+    s->spec.nload = 1, s->spec.load = &s->load;
     s->world.scene = &s->scene;
     cn_status status = cn_model_new(&s->model, &s->scene, &s->world, 1, &s->spec, &s->error);
-    remove(s->file), remove(ele);
+    if (mesh) remove(s->file), remove(ele);
     if (status != CN_OK) return status;
     assert_int_equal(cn_pool_new(&s->pool, 1), CN_OK);
     assert_int_equal(cn_state_new(&s->state, s->model), CN_OK);

@@ -26,7 +26,8 @@ typedef struct {
 
 /* Fills scene and spec: no gravity, Newton's method to 1e-13, implicit Euler steps of dt [s]. */
 void stepper_set(stepper *s, cn_material material, double dt);
-/* Model and state at rest. What is refused leaves s->error; stepper_free is due in any case. */
+/* Model and state at rest, of the mesh, or (NULL) of the shape that is in spec. What is refused leaves
+ * s->error; stepper_free is due in any case. */
 cn_status stepper_make(stepper *s, const cn_tets *mesh);
 /* One step; on failure the state is as before. */
 cn_status stepper_try(stepper *s);
