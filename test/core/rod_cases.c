@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "catnav/vec3.h"
+#include "polar.h"
 
 static double *numbers(int n)
 {
@@ -132,4 +133,21 @@ int rod_case_solve(rod_case *s)
         least = fmin(least, move);
     }
     return -1;
+}
+
+void rod_case_move(rod_case *s, const double r[9], const double c[3])
+{
+    double q[4], p[3];
+    const int n = s->body->nnode;
+    cn_polar(r, q);
+    cn_body_turn(s->body, n, s->x, s->rotation);
+    for (int i = 0; i < n; i++) {
+        double *f = s->rotation + 4 * i, v[3], was[4] = {f[0], f[1], f[2], f[3]};
+        cn_mat_vec(r, s->x + 3 * i, p);
+        cn_add(p, c, s->x + 3 * i);
+        cn_cross(q + 1, was + 1, v);
+        f[0] = q[0] * was[0] - cn_dot(q + 1, was + 1);
+        for (int k = 0; k < 3; k++)
+            f[1 + k] = q[0] * was[1 + k] + was[0] * q[1 + k] + v[k];
+    }
 }

@@ -21,6 +21,9 @@ rod_case rod_case_new(int nnode, const double *axis, const double normal[3], con
 /* n equal segments along +x from the origin, n of frames along +y. */
 rod_case rod_case_straight(int nsegment, double length, const cn_section *section);
 void rod_case_free(rod_case *s);
+/* Turns and moves the whole state by R and c: places, frames (the turn since the start of the step is taken
+ * into the frames first). */
+void rod_case_move(rod_case *s, const double r[9], const double c[3]);
 
 /* f, with a scatter also the matrix, at x; returns the energy. */
 double rod_case_force(rod_case *s, cn_tangent tangent, const cn_scatter *scatter);

@@ -473,6 +473,49 @@ static void frequencies_are_those_of_the_table(void **state)
     json_decref(file);
 }
 
+/* Laid along an arc of any plane, more than a whole turn, a straight rod has that curvature's energy and no
+ * other; at rest its frames stay; along a line that folds back they stay, too. */
+static void frames_follow_the_line_that_a_rod_starts_along(void **state)
+{
+    enum { N = 200 };
+    const double length = 2, turn = 7, radius = length / turn;
+    const cn_section section = {.axial = 1e6,
+                                .shear = {1e6, 1e6},
+                                .bending = {3, 3},
+                                .torsion = 5,
+                                .line_mass = 1,
+                                .line_inertia = {1, 1, 1},
+                                .area = 1,
+                                .half = {0.01, 0.01}};
+    rod_case s = rod_case_straight(N, length, &section);
+    double *frame = malloc(4 * (N + 1) * sizeof *frame);
+    (void)state;
+    assert_non_null(frame);
+    cn_rod_follow(s.body, s.x, s.rotation);
+    assert_true(rod_case_force(&s, CN_TANGENT_EXACT, NULL) < 1e-20);
+    for (int plane = 0; plane < 8; plane++) {
+        const double c = cos(2 * pi * plane / 8), d = sin(2 * pi * plane / 8);
+        for (int i = 0; i <= N; i++) {
+            const double a = turn * (i / (double)N - 0.3); /* chords as long as the rod's segments */
+            const double chord = radius * (turn / N) / (2 * sin(0.5 * turn / N));
+            s.x[3 * i] = chord * sin(a), s.x[3 * i + 1] = c * chord * cos(a),
+                    s.x[3 * i + 2] = d * chord * cos(a);
+        }
+        cn_body_rotation_start(s.body, s.rotation);
+        cn_rod_follow(s.body, s.x, s.rotation);
+        const double energy = rod_case_force(&s, CN_TANGENT_EXACT, NULL);
+        const double beam = 0.5 * section.bending[0] * length / (radius * radius);
+        if (!(fabs(energy / beam - 1) < 1e-3)) fail_msg("plane %d: %g, not %g", plane, energy, beam);
+    }
+    memcpy(frame, s.rotation, 4 * (N + 1) * sizeof *frame);
+    for (int k = 0; k < 3; k++)
+        s.x[3 * 50 + k] = s.x[3 * 48 + k];
+    cn_rod_follow(s.body, s.x, s.rotation);
+    assert_memory_equal(frame, s.rotation, 4 * (N + 1) * sizeof *frame);
+    free(frame);
+    rod_case_free(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -485,6 +528,7 @@ int main(void)
         cmocka_unit_test(the_bend_of_45_degrees_is_bathes_and_bolourchis),
         cmocka_unit_test(torsion_is_exact_for_any_number_of_turns),
         cmocka_unit_test(frequencies_are_those_of_the_table),
+        cmocka_unit_test(frames_follow_the_line_that_a_rod_starts_along),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
