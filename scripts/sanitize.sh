@@ -34,6 +34,13 @@ if [ "$1" = thread ]; then
 fi
 
 cmake --build "$out" -j"$jobs" >> "$out/build.log" 2>&1 && cmake "$out" >> "$out/build.log" || { tail -20 "$out/build.log"; exit 1; }
-export ASAN_OPTIONS=detect_stack_use_after_return=1 LSAN_OPTIONS=suppressions=$root/test/ros/lsan.txt:print_suppressions=0
+# reports go to files: nobody looks at the exit status of a node that roslaunch has started
+rm -rf "$out/reports" && mkdir "$out/reports"
+export ASAN_OPTIONS=detect_stack_use_after_return=1:log_path=$out/reports/address UBSAN_OPTIONS=log_path=$out/reports/undefined
+export LSAN_OPTIONS=suppressions=$root/test/ros/lsan.txt:print_suppressions=0
 cd "$out" && ctest -V -j"$jobs" -E 'command|fuzz' --timeout 3000 > test.log 2>&1
-sh "$root/scripts/test_summary.sh" test.log
+status=0
+for report in "$out"/reports/*; do
+    [ -f "$report" ] && status=1 && head -20 "$report"
+done
+sh "$root/scripts/test_summary.sh" test.log && [ $status = 0 ]
