@@ -3,6 +3,7 @@
  * was done, timed, and taken for all steps. So measuring changes no result. */
 #include "run_parts.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -72,7 +73,8 @@ typedef struct {
     const cn_body *body;
     const double *x;
     double gap, least;
-    int a, b; /* triangles, -1: none */
+    int a, b;         /* triangles, -1: none */
+    long pairs, most; /* seen; to be seen */
 } meeting;
 
 static void corners(const cn_body *body, const double *x, int triangle, double out[3][3])
@@ -99,6 +101,7 @@ static double longest_edge(const double t[3][3], double middle[3])
 static bool meet(void *user, int ia, int ib)
 {
     meeting *m = user;
+    if (m->pairs++ == m->most) return false;
     double t[2][3][3], middle[2][3], between[3];
     const double(*const a)[3] = (const double(*)[3])t[0], (*const b)[3] = (const double(*)[3])t[1];
     corners(m->body, m->body->point, ia, t[0]), corners(m->body, m->body->point, ib, t[1]);
@@ -124,19 +127,20 @@ static double gap_of(const cn_run_data *run, int b)
     return 0.075 * edges / body->boundary->ntri;
 }
 
-/* The body's surface against itself: refit, query. False where there is no memory for the tree. */
-static bool meets_itself(cn_run_data *run, int b, const cn_state *state, meeting *m)
+/* The body's surface against itself: refit, query. False where there is no memory for the tree, or more than
+ * `most` pairs of boxes meet. */
+static bool meets_itself(cn_run_data *run, int b, const cn_state *state, long most, meeting *m)
 {
     cn_tree **tree = &run->leave.self[b].tree;
     const cn_body *body = cn_touch_body(&run->model->body[b]);
-    *m = (meeting){.body = body, .gap = gap_of(run, b), .least = INFINITY, .a = -1, .b = -1};
+    *m = (meeting){.body = body, .gap = gap_of(run, b), .least = INFINITY, .a = -1, .b = -1, .most = most};
     m->x = cn_run_met(run, b, state, body->nnode);
     if (*tree)
         cn_tree_refit(*tree, m->x);
     else if (cn_tree_new(tree, body->boundary->ntri, body->boundary->tri, m->x) != CN_OK)
         return false;
     cn_tree_query_self(*tree, m->gap, meet, m);
-    return true;
+    return m->pairs <= m->most;
 }
 
 void cn_run_watch(cn_run_data *run)
@@ -155,7 +159,7 @@ void cn_run_watch(cn_run_data *run)
             continue;
         }
         if (run->spec[b].wall || self->needed || (left_out == CN_AUTO && !folds) ||
-            !meets_itself(run, b, run->state, &m))
+            !meets_itself(run, b, run->state, LONG_MAX, &m))
             continue;
         if (!self->tested) self->tested = run->state->step;
         if (m.a < 0) continue;
@@ -389,6 +393,7 @@ static void wall_solve(cn_run_data *run)
 
 static void self_contact(cn_run_data *run)
 {
+    const long most = 5000000; /* pairs: a second; needles by the hundred thousand are not measured */
     const cn_leave *leave = &run->leave;
     const cn_self *needed = NULL, *tested = NULL, *done = NULL;
     cn_left_out *entry;
@@ -426,9 +431,9 @@ static void self_contact(cn_run_data *run)
     for (int i = 0; i < leave->nshot; i++)
         for (int b = 0; b < run->nbody; b++) {
             meeting m;
-            if (!leave->self[b].tree && !meets_itself(run, b, leave->shot[i].after, &m)) return;
+            if (!leave->self[b].tree && !meets_itself(run, b, leave->shot[i].after, most, &m)) return;
             const double start = cn_seconds();
-            meets_itself(run, b, leave->shot[i].after, &m);
+            if (!meets_itself(run, b, leave->shot[i].after, most, &m)) return;
             spent += cn_seconds() - start;
             near |= m.a >= 0;
         }
