@@ -5,8 +5,10 @@
 #include <stdint.h>
 #include <cmocka.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 #include "catnav/run.h"
 #include "catnav/vec3.h"
 
@@ -189,6 +191,53 @@ static void a_run_stops_within_a_step_of_being_told(void **state)
     cn_report_clear(&report);
 }
 
+/* Two tetrahedra apart, the first held: nothing holds the second where it has no mass. */
+static void a_part_that_nothing_holds_has_no_equilibrium(void **state)
+{
+    (void)state;
+    static const char node[] =
+        "8 3 0 0\n0 0 0 0\n1 1 0 0\n2 0 1 0\n3 0 0 1\n4 5 0 0\n5 6 0 0\n6 5 1 0\n7 5 0 1\n",
+                      ele[] = "2 4 0\n0 0 1 2 3\n1 4 5 6 7\n";
+    const char *const ends[] = {".node", ".ele", ".yaml"};
+    for (int held = 1; held <= 2; held++) {
+        char stem[64], name[80], text[512];
+        cn_scene *scene;
+        cn_world *world;
+        cn_report report;
+        cn_error error = {0};
+        snprintf(stem, sizeof stem, "/tmp/catnav_run_%ld", (long)getpid());
+        snprintf(text, sizeof text,
+                 "scene: parts\ngravity: [0, 0, -1]\nstep: 0.01\ntime_limit: 0.05\ncontact: {method: none}\n"
+                 "bodies:\n  - name: twins\n    shape: {file: %s.node}\n    model: tet4\n"
+                 "    material: {young: 1e6, poisson: 0.3, density: 0}\n"
+                 "    fixed: {box: [[-1, -1, -1], [%d, 2, 2]]}\n",
+                 stem, held == 1 ? 2 : 9);
+        const char *const texts[] = {node, ele, text};
+        for (int i = 0; i < 3; i++) {
+            snprintf(name, sizeof name, "%s%s", stem, ends[i]);
+            FILE *file = fopen(name, "w");
+            assert_non_null(file);
+            fputs(texts[i], file);
+            fclose(file);
+        }
+        if (cn_scene_read(&scene, name, 0, NULL, &error) != CN_OK ||
+            cn_world_new(&world, scene, 0, NULL, &error) != CN_OK)
+            fail_msg("%s", error.message);
+        assert_int_equal(cn_run(world, NULL, straight, 1, NULL, &report, &error), CN_OK);
+        if (held == 1) {
+            assert_int_equal(report.verdict.code, CN_VERDICT_BAD_INPUT);
+            assert_int_equal(report.steps, 0);
+            assert_non_null(strstr(report.verdict.message, "part 2 of 2"));
+        } else
+            assert_int_equal(report.verdict.code, CN_VERDICT_RAN);
+        cn_report_clear(&report), cn_world_free(world), cn_scene_free(scene);
+        for (int i = 0; i < 3; i++) {
+            snprintf(name, sizeof name, "%s%s", stem, ends[i]);
+            remove(name);
+        }
+    }
+}
+
 #define RUN(test) cmocka_unit_test_setup_teardown(test, set_up, put_away)
 int main(void)
 {
@@ -199,6 +248,7 @@ int main(void)
         RUN(the_planners_answer_is_the_verdict),
         RUN(a_broken_limit_leaves_the_last_state_that_kept_it),
         RUN(a_run_stops_within_a_step_of_being_told),
+        cmocka_unit_test(a_part_that_nothing_holds_has_no_equilibrium),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
