@@ -12,6 +12,7 @@
 #include "catnav/vec3.h"
 #include "read_csv.h"
 #include "rod_cases.h"
+#include "scene_steps.h"
 
 static const double pi = 3.14159265358979323846;
 
@@ -516,6 +517,113 @@ static void frames_follow_the_line_that_a_rod_starts_along(void **state)
     rod_case_free(&s);
 }
 
+/* --- from a scene: what a solve finds of a device's stiffness --- */
+
+/* A catheter along +x, held at its start, after one static step under a load at its tip; `more` ends its
+ * shape, `material` its material. */
+static scene_steps loaded(double length, double diameter, int stations, const char *more, double young,
+                          double poisson, const char *material, const char *load)
+{
+    char text[1024];
+    scene_steps s;
+    snprintf(
+        text, sizeof text,
+        "scene: loaded\ngravity: [0, 0, 0]\nstep: 1\ntime_limit: 1\ncontact: {method: none}\n"
+        "solver: {tolerance: 1e-10}\nbodies:\n  - name: device\n    model: rod\n"
+        "    shape: {catheter: {length: %.17g, diameter: %.17g, entry: [%.17g, 0, 0], direction: [1, 0, 0], "
+        "stations: %d, sides: 6, sheath: off%s}}\n"
+        "    material: {young: %.17g, poisson: %.17g, density: 0%s}\n"
+        "    fixed: {box: [[%g, -1, -1], [%g, 1, 1]]}\n"
+        "    load: [{box: [[%.17g, -1, -1], [%.17g, 1, 1]], %s}]\n",
+        length, diameter, length, stations, more, young, poisson, material, -1e-6 * length, 1e-6 * length,
+        length * (1 - 1e-6), length * (1 + 1e-6), load);
+    scene_steps_new(&s, text, 0, NULL);
+    scene_steps_go(&s, 1);
+    return s;
+}
+
+static int tip_of(const cn_body *body)
+{
+    int tip = 0;
+    for (int i = 0; i < body->nnode; i++)
+        if (body->rest[3 * i] > body->rest[3 * tip]) tip = i;
+    return tip;
+}
+
+static double tip_moved(const scene_steps *s, int axis)
+{
+    const cn_body *body = s->model->body[0].body;
+    const int at = 3 * tip_of(body) + axis;
+    return s->state->body[0].x[at] - body->rest[at];
+}
+
+/* Angle of the tip's frame from where it started. */
+static double tip_turned(const scene_steps *s)
+{
+    const cn_body *body = s->model->body[0].body;
+    const int tip = tip_of(body);
+    double *start = calloc(4 * (size_t)body->nturn, sizeof *start), dot = 0;
+    assert_non_null(start);
+    cn_body_rotation_start(body, start);
+    cn_body_turn(body, body->nnode, s->state->body[0].x, s->state->body[0].rotation);
+    for (int k = 0; k < 4; k++)
+        dot += start[4 * tip + k] * s->state->body[0].rotation[4 * tip + k];
+    free(start);
+    return 2 * acos(fmin(1, fabs(dot)));
+}
+
+static void a_device_of_a_scene_has_the_stiffness_of_its_section(void **state)
+{
+    (void)state;
+    json_t *file = read_json("data/catheter_rod.json");
+    if (!file) skip();
+    size_t i;
+    json_t *c;
+    json_array_foreach(json_object_get(file, "cases"), i, c)
+    {
+        const double length = number(c, "length");
+        const json_t *core = json_object_get(c, "core");
+        char more[256] = "", load[128];
+        int at = 0;
+        if (number(c, "inner") > 0)
+            at = snprintf(more, sizeof more, ", inner_diameter: %.17g", number(c, "inner"));
+        if (core)
+            snprintf(more + at, sizeof more - (size_t)at,
+                     ", core: {diameter: %.17g, young: %.17g, poisson: %.17g, density: 0}", number(core, "d"),
+                     number(core, "E"), number(core, "nu"));
+        double off[2]; /* a moment about z, about x bends, twists by 0.02 */
+        for (int k = 0; k < 2; k++) {
+            snprintf(load, sizeof load, k ? "moment: [%.17g, 0, 0]" : "moment: [0, 0, %.17g]",
+                     0.02 * number(c, k ? "GJ" : "EI") / length);
+            scene_steps s =
+                loaded(length, number(c, "d"), 455, more, number(c, "E"), number(c, "nu"), "", load);
+            off[k] = 0.02 / tip_turned(&s) - 1;
+            scene_steps_free(&s);
+        }
+        print_message("%s, 455 stations: EI of a solve off by %.1e, GJ by %.1e\n",
+                      json_string_value(json_object_get(c, "name")), off[0], off[1]);
+        assert_true(fabs(off[0]) < 1e-3 && fabs(off[1]) < 1e-3);
+    }
+    json_decref(file);
+}
+
+/* Stiff shaft, soft end: each part turns and shifts the tip by its own moments. */
+static void a_stiff_shaft_with_a_soft_tip_bends_as_its_parts_do(void **state)
+{
+    (void)state;
+    const double length = 1, soft = 0.3, diameter = 2e-3, hard_young = 2e9, soft_young = 1e7;
+    const double moment = pi / 64 * pow(diameter, 4), rest = pow(length, 3) - pow(soft, 3);
+    const double compliance = (rest / hard_young + pow(soft, 3) / soft_young) / (3 * moment);
+    char material[128], load[128];
+    snprintf(material, sizeof material, ", regions: [{along: [0, %.17g], young: %.17g}]", soft, soft_young);
+    snprintf(load, sizeof load, "force: [0, 0, %.17g]", 1e-3 * length / compliance);
+    scene_steps s = loaded(length, diameter, 201, "", hard_young, 0.3, material, load);
+    const double off = tip_moved(&s, 2) / (1e-3 * length) - 1;
+    print_message("a soft tip on a stiff shaft: deflection off by %.1e\n", off);
+    assert_true(fabs(off) < 1e-3);
+    scene_steps_free(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -528,6 +636,8 @@ int main(void)
         cmocka_unit_test(the_bend_of_45_degrees_is_bathes_and_bolourchis),
         cmocka_unit_test(torsion_is_exact_for_any_number_of_turns),
         cmocka_unit_test(frequencies_are_those_of_the_table),
+        cmocka_unit_test(a_device_of_a_scene_has_the_stiffness_of_its_section),
+        cmocka_unit_test(a_stiff_shaft_with_a_soft_tip_bends_as_its_parts_do),
         cmocka_unit_test(frames_follow_the_line_that_a_rod_starts_along),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
