@@ -10,6 +10,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 #include "catnav/vec3.h"
+#include "polar.h"
 
 static void write_mesh(const char *node_file, const cn_tets *mesh)
 {
@@ -108,6 +109,16 @@ stepper_motion stepper_moves(const stepper *s)
         double from[3], turn[3];
         cn_sub(x + 3 * i, out.centre, from), cn_cross(from, v + 3 * i, turn);
         cn_axpy(m[i], turn, out.angular);
+    }
+    for (int i = 0; s->body->nblock > s->body->nnode && i < s->body->nnode; i++) { /* a rod's frames */
+        const double *w = v + 3 * (s->body->nnode + i), *inertia = s->body->inertia + 3 * i;
+        double r[9];
+        cn_quaternion_matrix(s->now->rotation + 4 * i, r);
+        for (int k = 0; k < 3; k++) {
+            const double axis[3] = {r[k], r[3 + k], r[6 + k]}, rate = cn_dot(axis, w);
+            cn_axpy(inertia[k] * rate, axis, out.angular);
+            out.kinetic += 0.5 * inertia[k] * rate * rate;
+        }
     }
     out.elastic = cn_body_energy(s->body, s->body->nnode, x, s->now->rotation, NULL);
     return out;
