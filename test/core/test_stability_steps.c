@@ -236,6 +236,57 @@ static void slivers_and_needles_run_a_thousand_steps(void **state)
     }
 }
 
+/* A further tetrahedron on a face of a box without volume: its apex at the place of a corner, on an edge, in
+ * the face, or one of its nodes twice; with volume it is taken. Turned, flat is what rounding leaves. */
+static void tetrahedra_without_volume_are_refused_with_their_number(void **state)
+{
+    (void)state;
+    static const double at[3][3] = {{1, 0, 0}, {0.5, 0.5, 0}, {0.3, 0.3, 0.4}};
+    for (int run = 0; run < 5 * 3 * 2; run++) {
+        const int kind = run / 6, unit = run / 2 % 3;
+        cn_tets *box = shape_box(2, 1, 1, unit == 0 ? 1e-4 : unit == 1 ? 0.1 : 100), *mesh;
+        cn_surface *boundary;
+        const int n = box->nnode;
+        unsigned seed = 3 + (unsigned)run;
+        double r[9];
+        stepper s;
+        shape_rotation(&seed, r);
+        for (int i = 0; i < n; i++) {
+            const double x[3] = {box->node[3 * i], box->node[3 * i + 1], box->node[3 * i + 2]};
+            cn_mat_vec(r, x, box->node + 3 * i);
+        }
+        assert_int_equal(cn_tets_boundary(&boundary, box), CN_OK);
+        const int *t = boundary->tri;
+        assert_int_equal(cn_tets_new(&mesh, n + 1, box->ntet + 1), CN_OK);
+        memcpy(mesh->node, box->node, 3 * (size_t)n * sizeof *mesh->node);
+        memcpy(mesh->tet, box->tet, 4 * (size_t)box->ntet * sizeof *mesh->tet);
+        const int added[4] = {t[0], t[1], kind == 3 ? t[1] : t[2], n};
+        double *apex = mesh->node + 3 * n, middle[3] = {0, 0, 0};
+        for (int a = 0; a < 3; a++)
+            cn_axpy(kind < 3 ? at[kind][a] : 0, mesh->node + 3 * t[a], apex);
+        for (int i = 0; i < n; i++)
+            cn_axpy(1. / n, mesh->node + 3 * i, middle);
+        if (kind >= 3) /* clear of the face */
+            for (int k = 0; k < 3; k++)
+                apex[k] = 2 * mesh->node[3 * t[0] + k] - middle[k];
+        memcpy(mesh->tet + 4 * box->ntet, added, sizeof added);
+        if (kind == 4) shape_put(mesh, box->ntet, t[0], t[1], t[2], n);
+        stepper_set(&s, (cn_material){.young = 1e5, .poisson = 0.3, .density = 1000}, 0.01);
+        s.spec.model = run % 2 ? CN_BODY_TET10 : CN_BODY_TET4;
+        const cn_status status = stepper_make(&s, mesh);
+        if (kind == 4) {
+            assert_int_equal(status, CN_OK);
+        } else {
+            char number[32];
+            snprintf(number, sizeof number, "tetrahedron %d", box->ntet);
+            assert_int_not_equal(status, CN_OK);
+            assert_non_null(strstr(s.error.message, number));
+        }
+        stepper_free(&s);
+        cn_surface_free(boundary), cn_tets_free(box), cn_tets_free(mesh);
+    }
+}
+
 /* The marked starts of scramble.json come back within 5 s at steps of 10 ms. */
 static void scrambled_starts_come_back_within_five_seconds(void **state)
 {
@@ -548,6 +599,7 @@ int main(void)
         cmocka_unit_test(energy_does_not_grow_at_any_step),
         cmocka_unit_test(poissons_ratio_is_taken_inside_its_range_alone),
         cmocka_unit_test(slivers_and_needles_run_a_thousand_steps),
+        cmocka_unit_test(tetrahedra_without_volume_are_refused_with_their_number),
         cmocka_unit_test(scrambled_starts_come_back_within_five_seconds),
         cmocka_unit_test(what_is_no_number_stops_the_step_and_leaves_the_state),
         cmocka_unit_test(units_change_nothing_but_the_scale),
