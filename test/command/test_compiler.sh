@@ -44,7 +44,8 @@ int main(int argc, char **argv)
 END
 for model in tet4 tet10 rod; do
     shape="{beam: {size: [0.4, 0.1, 0.1], cells: [8, 2, 2]}}"
-    [ $model = rod ] && shape="{catheter: {length: 0.4, diameter: 0.05, entry: [0.4, 0, 0], direction: [1, 0, 0], stations: 21, sides: 6, sheath: off}}"
+    [ $model = rod ] && shape="{catheter: {length: 0.4, diameter: 0.05, entry: [0.4, 0, 0], direction: [1, 0, 0],
+                             stations: 21, sides: 6, sheath: off}}"
     cat > "$folder/$model.yaml" << END
 scene: $model
 step: 0.01
@@ -57,7 +58,9 @@ contact: {method: none}
 solver: {tolerance: 1.0e-10}
 END
 done
-flags="-std=c11 -O2 -ffp-contract=off -D_POSIX_C_SOURCE=200809L -DCATNAV_VERSION=\"0\" -I$root/include -I$root/src/core -I/usr/include/suitesparse"
+echo '#define CATNAV_VERSION "0"' > "$folder/version.h"
+flags="-std=c11 -O2 -ffp-contract=off -D_POSIX_C_SOURCE=200809L -include $folder/version.h -I$root/include"
+flags="$flags -I$root/src/core -I/usr/include/suitesparse"
 kernels=" body_kernel body_tet10_kernel molecules_kernel rod_kernel solve_ladder "
 build() { # SOURCE CC: an object of CC, of GCC where only GCC can
     name=$(basename "$1" .c)
@@ -68,9 +71,9 @@ export -f build
 export flags kernels folder
 for source in "$root"/src/core/*.c "$folder/bars.c"; do echo "$source"; done |
     xargs -P "$(nproc)" -I{} bash -c 'build {} clang' || exit 1
-gcc "$folder"/*.o -o "$folder/clang" -lcholmod -lsuitesparseconfig -lyaml -ljansson -lpthread -lm || exit 1
-core=$(dirname "$catnav")/../libcatnav_core.a
-gcc $flags "$folder/bars.c" "$core" -o "$folder/gcc" -lcholmod -lsuitesparseconfig -lyaml -ljansson -lpthread -lm || exit 1
+libraries="-lcholmod -lsuitesparseconfig -lyaml -ljansson -lpthread -lm"
+gcc "$folder"/*.o -o "$folder/clang" $libraries || exit 1
+gcc $flags "$folder/bars.c" "$(dirname "$catnav")/../libcatnav_core.a" -o "$folder/gcc" $libraries || exit 1
 for model in tet4 tet10 rod; do
     "$folder/gcc" "$folder/$model.yaml" > "$folder/a" && "$folder/clang" "$folder/$model.yaml" > "$folder/b" || exit 1
     paste "$folder/a" "$folder/b" | awk -v model=$model '
