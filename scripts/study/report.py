@@ -258,7 +258,7 @@ def speed_part(study, rows, sizes, fits, as_good):
     lines += ["[CSV](speed.csv), [JSON](speed.json)", ""] + (equal_part(study, as_good) if as_good else [])
     lines += ["### Cost against size", "",
               "A clamped body under its weight, 10 ms steps, grown by length (a beam of 4 x 4 cells) or compact "
-              "(a cube); exponents are least-squares slopes, memory counted above the smallest body's.", ""]
+              "(a cube); exponents are least-squares slopes, of memory above the smallest body's over elements above its.", ""]
     lines += picture("cost", "step time and memory against elements")
     lines += table(["model", "shape", "time grows as", "memory grows as", "largest body", "its step [ms]",
                     "its memory [MiB]"], [cost_row(key, exponents, sizes) for key, exponents in fits.items()])

@@ -153,13 +153,12 @@ def cost(study):
 
 
 def exponent(line, key):
-    """Least-squares slope of log key over log elements; memory above what the smallest body needs."""
+    """Least-squares slope of log key over log elements; of memory above the smallest body's over elements above its."""
     if len(line) < 2:
         return None
-    values = numpy.array([row[key] for row in line])
+    values, n = (numpy.array([row[k] for row in line], float) for k in (key, "elements"))
     if key == "memory_mib":
-        line, values = line[1:], values[1:] - values[0]
-    n = numpy.array([row["elements"] for row in line], float)
+        values, n = values[1:] - values[0], n[1:] - n[0]
     good = values > 0
     return float(numpy.polyfit(numpy.log(n[good]), numpy.log(values[good]), 1)[0]) if good.sum() > 1 else None
 
