@@ -41,12 +41,12 @@ static cn_insertion insertion_at(const cn_run_data *run, int b)
 static cn_status note_insertion(cn_run_data *run, bool last)
 {
     cn_report *report = run->report;
-    const int step = run->state->step;
     int npush = 0, kept = 0;
     for (int b = 0; b < run->nbody; b++)
         npush += run->spec[b].drive.mode == CN_DRIVE_PUSH;
     const size_t most = 1000 * (size_t)npush;
     if (npush == 0) return CN_OK;
+    const int step = run->state->step;
     if (!report->drive.insertion) {
         if (!(report->drive.insertion = calloc(most, sizeof(cn_insertion)))) return CN_ERR_MEMORY;
         run->insertion_stride = 1;
