@@ -144,7 +144,7 @@ void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, con
     memset(drive->pull, 0, n * sizeof *drive->pull);
     memset(drive->hold, 0, n * sizeof *drive->hold);
     drive->distance = body->spec->drive.path_distance;
-    drive->advance = drive->turn = 0, drive->bend = state->push.bend, drive->nfree = state->nfree;
+    drive->advance = drive->turn = 0, drive->bend = cn_push_bent(body, state), drive->nfree = state->nfree;
     if (!path) return;
     if (body->spec->drive.mode == CN_DRIVE_PUSH) {
         cn_push_prepare(body, state, path, dt, drive);

@@ -39,7 +39,7 @@ typedef struct {
 typedef struct {
     double angle;  /* by which it has to turn [rad] */
     double weight; /* 0: that does not matter, up to 1 */
-    double bend;   /* of a steered end, wanted, as in cn_push */
+    double bend;   /* of a steered end, wanted (cn_push_bent) */
 } aim;
 
 static void section_at(const cn_model_body *body, const cn_body_state *state, int first, section *out)
@@ -141,7 +141,7 @@ static void aim_steered(const cn_model_body *body, const cn_body_state *state, c
     cn_path_at(path, state->s_goal + 0.5 * length, &ahead);
     const double turn = acos(clamp(cn_dot(ahead.t, root->u), -1, 1));
     const double bend = fmax(2 * side / chord, turn / length) / full;
-    double sense = state->push.bend < 0 ? -1 : 1;
+    double sense = cn_push_bent(body, state) < 0 ? -1 : 1;
     if (sense * cos(a->angle) < -0.3) sense = -sense;
     if (sense < 0) a->angle = remainder(a->angle + pi, 2 * pi);
     a->weight = fmin(1, 4 * bend);
@@ -225,10 +225,9 @@ void cn_push_prepare(const cn_model_body *body, const cn_body_state *state, cons
     const double left = ahead >= 0 ? fmax(ahead - spec->rest_length, 0) : ahead;
     const double last = body->behind[body->body->nnode - 1]; /* its end stays in the sheath */
     const aim to = steering(body, state, path);
-    const double bend = clamp(to.bend - push->bend, -dt / time_to_bend, dt / time_to_bend);
+    const double lacks = to.bend - drive->bend;
     const double slower = (1 - 0.5 * to.weight * (1 - cos(to.angle))) *
-                          clamp(1.2 - 2 * fabs(to.bend - push->bend), 0.05, 1) *
-                          clamp(5 * (push->margin - 0.05), 0.1, 1);
+                          clamp(1.2 - 2 * fabs(lacks), 0.05, 1) * clamp(5 * (push->margin - 0.05), 0.1, 1);
     double advance = clamp(left / cn_drive_lookahead(body), -1, slower) * spec->speed * dt;
 
     if (push->phase == CN_PUSH_TURN) advance = 0;
@@ -240,7 +239,7 @@ void cn_push_prepare(const cn_model_body *body, const cn_body_state *state, cons
         const int out = cn_sheath_out(body, state->inserted + drive->advance);
         drive->nfree = out < state->nfree ? out : state->nfree;
     }
-    drive->bend = push->bend + bend;
+    drive->bend += clamp(lacks, -dt / time_to_bend, dt / time_to_bend);
     if (push->phase == CN_PUSH_BACK && !spec->bend_steered) return;
     drive->turn =
         clamp(to.weight * to.angle * dt / (10 * body->tick), -spec->twist_max * dt, spec->twist_max * dt);
@@ -249,10 +248,19 @@ void cn_push_prepare(const cn_model_body *body, const cn_body_state *state, cons
     if (fabs(wind) > pi && wind * drive->turn > 0) drive->turn = 0;
 }
 
+static bool is_steered(const cn_model_body *body)
+{
+    return body->spec->drive.mode == CN_DRIVE_PUSH && body->spec->drive.bend_steered;
+}
+
+double cn_push_bent(const cn_model_body *body, const cn_body_state *state)
+{
+    return is_steered(body) ? state->rotation[4 * (size_t)body->body->nnode] : 0;
+}
+
 void cn_push_bend(const cn_model_body *body, cn_body_state *state, double bend)
 {
-    if (body->spec->drive.mode != CN_DRIVE_PUSH || !body->spec->drive.bend_steered) return;
-    state->push.bend = state->rotation[4 * (size_t)body->body->nnode] = bend;
+    if (is_steered(body)) state->rotation[4 * (size_t)body->body->nnode] = bend;
 }
 
 void cn_push_back(cn_body_state *state, double inserted)

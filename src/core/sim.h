@@ -83,7 +83,6 @@ typedef struct {
     double strayed[3];    /* unit vector from the path to where it was before the last try, */
     double strayed_at;    /* ... and s_goal there [m] */
     bool hidden;          /* a wall lies between the goal node and its place on the path */
-    double bend;          /* of a steered end, as a share of its full curvature; below 0: away from n */
 } cn_push;
 
 typedef struct {
@@ -200,7 +199,7 @@ typedef struct {
     double distance;    /* path_distance [m] */
     double advance;     /* base advance in this step [m] */
     double turn;        /* and turn [rad] */
-    double bend;        /* of a steered end, as in cn_push */
+    double bend;        /* of a steered end, as cn_push_bent says it */
     int nfree;          /* nodes free in this step: fewer than before where the base draws them in */
 } cn_drive;
 void cn_drive_prepare(const cn_model_body *body, const cn_body_state *state, const cn_path *path, double dt,
@@ -223,7 +222,9 @@ void cn_push_prepare(const cn_model_body *body, const cn_body_state *state, cons
                      cn_drive *drive);
 /* After a step, with s_goal known: whether to go on, to turn, or to draw back and try again. */
 void cn_push_progress(const cn_model_body *body, cn_body_state *state, const cn_path *path);
-/* Gives a steered end `bend` (cn_push); it is part of the rod's rotations (body.h). Others: nothing. */
+/* Curvature of a steered end as a share of its full one, below 0 away from n; it stands with the rod's
+ * rotations (body.h). Others: 0, and nothing is set. */
+double cn_push_bent(const cn_model_body *body, const cn_body_state *state);
 void cn_push_bend(const cn_model_body *body, cn_body_state *state, double bend);
 /* Draws the base back to `inserted` before it goes on, along whatever path it is then given. */
 void cn_push_back(cn_body_state *state, double inserted);

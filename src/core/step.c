@@ -609,9 +609,10 @@ static bool lies_still(const cn_stage *s, const cn_body_state *to)
 /* A rod's frames; with a steered end as it was bent in the step. */
 static double *frames_at_start(const cn_part *part, const cn_body_state *from, const cn_body_state *to)
 {
-    if (from->push.bend == to->push.bend) return from->rotation;
-    memcpy(part->bent, from->rotation, 4 * (size_t)part->body->body->nturn * sizeof *part->bent);
-    part->bent[4 * (size_t)part->body->body->nnode] = to->push.bend;
+    const size_t last = 4 * (size_t)part->body->body->nnode;
+    if (from->rotation[last] == to->rotation[last]) return from->rotation;
+    memcpy(part->bent, from->rotation, last * sizeof *part->bent);
+    memcpy(part->bent + last, to->rotation + last, 4 * sizeof *part->bent);
     return part->bent;
 }
 
