@@ -270,11 +270,10 @@ static void warn_of_mesh(const cn_body_spec *spec, const cn_tets *mesh)
     if (doctor.slivers > 0 || doctor.aspect_max > 100)
         CN_LOG(
             CN_LOG_WARNING,
-            "body %s: %d of %d tetrahedra are slivers, with a dihedral angle below 1 degree; the worst is %d "
-            "(%.3g degrees), the flattest %d (%.3g times as long as thick): stress beside them means little, "
-            "mesh the shape anew",
-            spec->name, doctor.slivers, doctor.ntet, doctor.dihedral_min_tet, doctor.dihedral_min,
-            doctor.aspect_max_tet, doctor.aspect_max);
+            "body %s: tetrahedron %d of %d has a dihedral angle of %.3g degrees, %d is %.3g times as long as "
+            "thick (%d are slivers, below 1 degree): stress beside them means little, mesh the shape anew",
+            spec->name, doctor.dihedral_min_tet, doctor.ntet, doctor.dihedral_min, doctor.aspect_max_tet,
+            doctor.aspect_max, doctor.slivers);
 }
 
 static cn_status build_body(cn_model_body *out, const cn_world *world, unsigned seed, cn_error *error)

@@ -258,8 +258,8 @@ static void inertia(cn_run_data *run)
     int shot = 0;
     for (int b = 0; b < run->nbody; b++)
         if (cn_run_paths(run)[b]) return;
+    if (cn_state_new(&now, run->model) != CN_OK) return;
     run->model->inertia = true;
-    if (cn_state_new(&now, run->model) != CN_OK) shot = run->leave.nshot;
     while (shot < run->leave.nshot && now->step < MOST) {
         const cn_shot *next = &run->leave.shot[shot];
         const double took = step_again(run, now, false);
@@ -334,8 +334,28 @@ static void refit(cn_run_data *run)
     if (same) entry->error = 0;
 }
 
-/* By how much a triangle of a wall that gives way has turned out of its rest plane, most, in what was kept
- * of the run [rad]. */
+static void across_triangle(const double *x, const int corner[3], double n[3])
+{
+    double e[2][3];
+    for (int k = 0; k < 2; k++)
+        cn_sub(x + 3 * corner[k + 1], x + 3 * corner[0], e[k]);
+    cn_cross(e[0], e[1], n);
+}
+
+/* By how much a triangle has turned out of its rest plane, most [rad]. */
+static double turn_of(const cn_body *body, const double *x)
+{
+    double most = 0, before[3], now[3], about[3];
+    for (int t = 0; t < body->boundary->ntri; t++) {
+        const int *corner = body->boundary->tri + 3 * (size_t)t;
+        across_triangle(body->rest, corner, before), across_triangle(x, corner, now);
+        cn_cross(before, now, about);
+        most = fmax(most, atan2(cn_norm(about), cn_dot(before, now)));
+    }
+    return most;
+}
+
+/* Of the walls that give way, in what was kept of the run. */
 static double wall_turn(const cn_run_data *run)
 {
     double most = 0;
@@ -343,18 +363,7 @@ static double wall_turn(const cn_run_data *run)
         const cn_body *body = run->model->body[b].body;
         if (body->model != CN_BODY_MEMBRANE && body->model != CN_BODY_SHELL) continue;
         for (int i = 0; i < run->leave.nshot; i++)
-            for (int t = 0; t < body->boundary->ntri; t++) {
-                const int *c = body->boundary->tri + 3 * (size_t)t;
-                double n[2][3], across[3];
-                for (int now = 0; now < 2; now++) {
-                    const double *x = now ? run->leave.shot[i].after->body[b].x : body->rest;
-                    double e[2][3];
-                    cn_sub(x + 3 * c[1], x + 3 * c[0], e[0]), cn_sub(x + 3 * c[2], x + 3 * c[0], e[1]);
-                    cn_cross(e[0], e[1], n[now]);
-                }
-                cn_cross(n[0], n[1], across);
-                most = fmax(most, atan2(cn_norm(across), cn_dot(n[0], n[1])));
-            }
+            most = fmax(most, turn_of(body, run->leave.shot[i].after->body[b].x));
     }
     return most;
 }

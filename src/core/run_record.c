@@ -28,12 +28,16 @@ void cn_run_verdict(cn_run_data *run, cn_verdict_code code, const char *format, 
     va_end(arguments);
 }
 
-static cn_insertion insertion_at(const cn_run_data *run, int b)
+/* Where body b's base is; before the first step where it began. */
+static cn_insertion insertion_at(const cn_run_data *run, int b, bool begin)
 {
     const cn_body_state *now = &run->state->body[b];
     const cn_drive_spec *drive = &run->spec[b].drive;
-    return (cn_insertion){b, run->state->step, run->state->time, now->inserted, now->twist,
-                          drive->bend_curvature * (drive->bend_steered ? now->push.bend : 1)};
+    cn_insertion at = {.body = b, .advance = run->spec[b].shape.catheter.inserted};
+    if (!begin) at = (cn_insertion){b, run->state->step, run->state->time, now->inserted, now->twist, 0};
+    at.curvature = drive->bend_curvature;
+    if (drive->bend_steered) at.curvature *= begin ? 0 : cn_push_bent(&run->model->body[b], now);
+    return at;
 }
 
 /* Notes where the bases of push drives are; when all places are taken, every second note is let go. What lies
@@ -52,10 +56,7 @@ static cn_status note_insertion(cn_run_data *run, bool last)
         run->insertion_stride = 1;
         for (int b = 0; b < run->nbody; b++) /* where they began */
             if (run->spec[b].drive.mode == CN_DRIVE_PUSH)
-                report->drive.insertion[report->drive.ninsertion++] = (cn_insertion){
-                    .body = b,
-                    .advance = run->spec[b].shape.catheter.inserted,
-                    .curvature = run->spec[b].drive.bend_steered ? 0 : run->spec[b].drive.bend_curvature};
+                report->drive.insertion[report->drive.ninsertion++] = insertion_at(run, b, true);
     }
     cn_insertion *list = report->drive.insertion;
     while (report->drive.ninsertion > 0 && list[report->drive.ninsertion - 1].step >= step)
@@ -69,7 +70,7 @@ static cn_status note_insertion(cn_run_data *run, bool last)
     if (!last && step % run->insertion_stride != 0) return CN_OK;
     for (int b = 0; b < run->nbody; b++)
         if (run->spec[b].drive.mode == CN_DRIVE_PUSH)
-            list[report->drive.ninsertion++] = insertion_at(run, b);
+            list[report->drive.ninsertion++] = insertion_at(run, b, false);
     return CN_OK;
 }
 
