@@ -32,6 +32,7 @@ int cn_verdict_exit(int code);
 
 typedef struct {
     cn_verdict_code code;
+    int fault; /* what was wrong with the input: cn_error's, 0: nothing */
     char message[1024];
     bool has_quantity;
     cn_quantity quantity; /* what was broken */

@@ -9,19 +9,21 @@
 cn_status cn_body_check_material(const cn_material *m, bool has_along, cn_error *error)
 {
     if (!(m->young > 0 && m->young <= 1e300))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "Young's modulus is %g Pa; it must be positive", m->young);
+        return cn_fail(error, CN_FAULT_VALUE, "", 0, "Young's modulus is %g Pa; it must be positive",
+                       m->young);
     if (!(m->poisson > -1 && m->poisson < 0.5))
-        return cn_fail(error, CN_ERR_ARG, "", 0,
+        return cn_fail(error, CN_FAULT_VALUE, "", 0,
                        "Poisson's ratio is %.15g; it must lie between -1 and 0.5, both excluded", m->poisson);
     if (!(m->density >= 0 && m->density <= 1e300))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "density is %g kg/m^3; it must not be negative", m->density);
+        return cn_fail(error, CN_FAULT_VALUE, "", 0, "density is %g kg/m^3; it must not be negative",
+                       m->density);
     if (!(m->damping >= 0 && m->damping <= 1e300 && m->damping_stiffness >= 0 &&
           m->damping_stiffness <= 1e300))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "damping is %g 1/s and %g s; neither may be negative",
+        return cn_fail(error, CN_FAULT_VALUE, "", 0, "damping is %g 1/s and %g s; neither may be negative",
                        m->damping, m->damping_stiffness);
     for (int i = 0; i < m->nregion; i++) {
         if (!(m->region[i].young > 0 && m->region[i].young <= 1e300))
-            return cn_fail(error, CN_ERR_ARG, "", 0,
+            return cn_fail(error, CN_FAULT_VALUE, "", 0,
                            "Young's modulus of region %d is %g Pa; it must be positive", i,
                            m->region[i].young);
         if (!m->region[i].by_box && !has_along)
@@ -34,14 +36,14 @@ cn_status cn_body_check_material(const cn_material *m, bool has_along, cn_error 
 cn_status cn_body_check_mesh(const cn_tets *mesh, cn_error *error)
 {
     if (mesh->nnode < 4 || mesh->ntet < 1)
-        return cn_fail(error, CN_ERR_MESH, "", 0,
+        return cn_fail(error, CN_FAULT_NO_PARTS, "", 0,
                        "mesh has %d nodes and %d tetrahedra: nothing to build a body of", mesh->nnode,
                        mesh->ntet);
     for (int e = 0; e < mesh->ntet; e++)
         for (int a = 0; a < 4; a++) {
             const int n = mesh->tet[4 * (size_t)e + a];
             if (n < 0 || n >= mesh->nnode)
-                return cn_fail(error, CN_ERR_MESH, "", 0, "tetrahedron %d names node %d of %d", e, n,
+                return cn_fail(error, CN_FAULT_NO_VERTEX, "", 0, "tetrahedron %d names node %d of %d", e, n,
                                mesh->nnode);
         }
     return CN_OK;

@@ -226,7 +226,7 @@ cn_status cn_shell_rest(cn_body *body, cn_error *error)
     for (int i = 0; i < 3 * body->nelement; i++)
         if (across[i] == -2)
             return cn_fail(
-                error, CN_ERR_MESH, "", 0,
+                error, CN_FAULT_NON_MANIFOLD, "", 0,
                 "edge %d-%d of triangle %d belongs to more than two triangles: a shell cannot bend "
                 "there, take the others away or use a membrane",
                 tri[i], tri[next(i)], i / 3);

@@ -93,8 +93,8 @@ static cn_status connect(cn_body *body, cn_error *error)
         memcpy(n + 4, body->mid + 6 * (size_t)e, 6 * sizeof *n);
         for (int a = 4; a < 10; a++)
             if (n[a] < 0 || n[a] >= body->nnode)
-                return cn_fail(error, CN_ERR_MESH, "", 0, "tetrahedron %d names node %d of %d amid an edge",
-                               e, n[a], body->nnode);
+                return cn_fail(error, CN_FAULT_NO_VERTEX, "", 0,
+                               "tetrahedron %d names node %d of %d amid an edge", e, n[a], body->nnode);
     }
     return CN_OK;
 }
@@ -117,13 +117,13 @@ cn_status cn_tet10_rest(cn_body *body, cn_error *error)
         const double mean = sum / body->ntet, least = least_jacobian(body, e, &at) / 6;
         if (!(least > 1e-14 * mean) && at < 0)
             return cn_fail(
-                error, CN_ERR_MESH, "", 0,
+                error, CN_FAULT_DEGENERATE, "", 0,
                 "second-order tetrahedron %d folds over at its point of integration %d: its volume "
                 "there is %g m^3 where the mean is %g m^3",
                 e, at + CN_TET10_POINTS, least, mean);
         if (!(least > 1e-14 * mean))
             return cn_fail(
-                error, CN_ERR_MESH, "", 0,
+                error, CN_FAULT_DEGENERATE, "", 0,
                 "second-order tetrahedron %d folds over at its node %d: its volume there is %g m^3 where "
                 "the mean is %g m^3",
                 e, nodes_of(body, e)[at], least, mean);

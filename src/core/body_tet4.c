@@ -31,7 +31,7 @@ cn_status cn_tet4_rest(cn_body *body, cn_error *error)
     for (int e = 0; e < body->ntet; e++) {
         const int *n = body->tet + 4 * (size_t)e;
         if (!(body->volume[e] > 1e-14 * (sum / body->ntet)))
-            return cn_fail(error, CN_ERR_MESH, "", 0,
+            return cn_fail(error, CN_FAULT_DEGENERATE, "", 0,
                            "tetrahedron %d (nodes %d %d %d %d) has the volume %g m^3; the mean is %g m^3", e,
                            n[0], n[1], n[2], n[3], body->volume[e], sum / body->ntet);
     }

@@ -40,23 +40,23 @@ static cn_status check_spec(const cn_wall_spec *w, cn_error *error)
 {
     const cn_material material = {.young = w->young, .poisson = w->poisson, .density = w->density};
     if (!(w->thickness > 0 && w->thickness <= 1e300))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "thickness of the wall is %g m; it must be positive",
+        return cn_fail(error, CN_FAULT_VALUE, "", 0, "thickness of the wall is %g m; it must be positive",
                        w->thickness);
     if (w->model == CN_WALL_MEMBRANE && !(w->foundation > 0 && w->foundation <= 1e300))
-        return cn_fail(error, CN_ERR_ARG, "", 0,
+        return cn_fail(error, CN_FAULT_VALUE, "", 0,
                        "foundation of the wall is %g Pa/m; a membrane has no other stiffness across itself "
                        "and needs one above 0",
                        w->foundation);
     if (!(w->foundation >= 0 && w->foundation <= 1e300))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "foundation of the wall is %g Pa/m; it must not be negative",
-                       w->foundation);
+        return cn_fail(error, CN_FAULT_VALUE, "", 0,
+                       "foundation of the wall is %g Pa/m; it must not be negative", w->foundation);
     return cn_body_check_material(&material, false, error);
 }
 
 static cn_status check_surface(const cn_surface *s, cn_error *error)
 {
     if (s->nvert < 3 || s->ntri < 1 || s->ntri > INT_MAX / CN_SHELL_NODES)
-        return cn_fail(error, CN_ERR_MESH, "", 0,
+        return cn_fail(error, CN_FAULT_NO_PARTS, "", 0,
                        "surface has %d vertices and %d triangles: no wall can be built of it", s->nvert,
                        s->ntri);
     for (int i = 0; i < 3 * s->nvert; i++)
@@ -65,8 +65,8 @@ static cn_status check_surface(const cn_surface *s, cn_error *error)
                            s->vert[i]);
     for (int i = 0; i < 3 * s->ntri; i++)
         if (s->tri[i] < 0 || s->tri[i] >= s->nvert)
-            return cn_fail(error, CN_ERR_MESH, "", 0, "triangle %d names vertex %d of %d", i / 3, s->tri[i],
-                           s->nvert);
+            return cn_fail(error, CN_FAULT_NO_VERTEX, "", 0, "triangle %d names vertex %d of %d", i / 3,
+                           s->tri[i], s->nvert);
     return CN_OK;
 }
 
@@ -110,7 +110,7 @@ static cn_status rest_shape(cn_body *body, const cn_wall_spec *spec, cn_error *e
         const double area = sheet->area[t], h = spec->thickness;
         if (!(area > 1e-14 * sum / body->nelement))
             return cn_fail(
-                error, CN_ERR_MESH, "", 0,
+                error, CN_FAULT_DEGENERATE, "", 0,
                 "triangle %d has an area of %g m^2 where the mean is %g m^2: a wall needs triangles "
                 "with an area, remove it",
                 t, area == area ? area : 0, sum / body->nelement);

@@ -179,38 +179,38 @@ cn_status cn_push_check(const cn_body_spec *spec, bool sheath, cn_error *error)
     if (drive->mode != CN_DRIVE_PUSH) return CN_OK;
     if (spec->shape.kind != CN_SHAPE_CATHETER || !sheath)
         return cn_fail(
-            error, CN_ERR_SCENE, NULL, 0,
+            error, CN_FAULT_UNSUITED, NULL, 0,
             "%s: drive mode push moves the base of a catheter through its sheath: give it a catheter's "
             "shape with `sheath: on`, or use mode: follow",
             spec->name);
     const double device = spec->shape.catheter.length, spacing = device / (spec->shape.catheter.stations - 1);
     if ((length > 0) != (curvature > 0))
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0,
+        return cn_fail(error, CN_FAULT_NEEDED, NULL, 0,
                        "%s: drive.tip_bend has length %g m and curvature %g 1/m: give both, or neither",
                        spec->name, length, curvature);
     if (drive->bend_steered && spec->model != CN_BODY_ROD)
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0,
+        return cn_fail(error, CN_FAULT_UNSUITED, NULL, 0,
                        "%s: drive.tip_bend is steered: that takes the model rod; `steered: off` gives "
                        "tetrahedra a pre-bent end",
                        spec->name);
     if (!(length < device))
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0,
+        return cn_fail(error, CN_FAULT_AT_ODDS, NULL, 0,
                        "%s: drive.tip_bend is %g m long, the catheter itself %g m: bend less of it",
                        spec->name, length, device);
     if (!(length * curvature <= pi))
         return cn_fail(
-            error, CN_ERR_SCENE, NULL, 0,
+            error, CN_FAULT_AT_ODDS, NULL, 0,
             "%s: drive.tip_bend turns by %g rad (length %g m, curvature %g 1/m): at most %g, half a "
             "circle",
             spec->name, length * curvature, length, curvature, pi);
     if (!(curvature * spacing <= 0.5))
         return cn_fail(
-            error, CN_ERR_SCENE, NULL, 0,
+            error, CN_FAULT_AT_ODDS, NULL, 0,
             "%s: drive.tip_bend turns by %g rad from one station to the next: at most 0.5; give the "
             "catheter more stations",
             spec->name, curvature * spacing);
     if (!(curvature * spec->shape.catheter.diameter <= 1))
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0,
+        return cn_fail(error, CN_FAULT_AT_ODDS, NULL, 0,
                        "%s: drive.tip_bend has a radius of %g m, less than the catheter's diameter, %g m",
                        spec->name, 1 / curvature, spec->shape.catheter.diameter);
     return CN_OK;

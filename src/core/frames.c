@@ -55,11 +55,12 @@ static cn_status make_folder(char *path, cn_error *error)
         const int failed = mkdir(path, 0777) && errno != EEXIST, cause = errno;
         *c = here;
         if (failed && !here)
-            return cn_fail(error, CN_ERR_FILE, path, 0, "the folder cannot be made: %s", strerror(cause));
+            return cn_fail(error, cn_fault_file(cause), path, 0, "the folder cannot be made: %s",
+                           strerror(cause));
         if (!here) break;
     }
     if (stat(path, &info) || !S_ISDIR(info.st_mode))
-        return cn_fail(error, CN_ERR_FILE, path, 0, "frames go into a folder, and this is none");
+        return cn_fail(error, CN_FAULT_NO_FILE, path, 0, "frames go into a folder, and this is none");
     return CN_OK;
 }
 
@@ -78,10 +79,10 @@ static cn_status write_all(int descriptor, const char *text, size_t length, off_
 static cn_status lock_folder(cn_frames *frames, cn_error *error)
 {
     if ((frames->lock = open(frames->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC)) < 0)
-        return cn_fail(error, CN_ERR_FILE, frames->folder, 0, "the folder cannot be opened: %s",
+        return cn_fail(error, cn_fault_file(errno), frames->folder, 0, "the folder cannot be opened: %s",
                        strerror(errno));
     if (flock(frames->lock, LOCK_EX | LOCK_NB) && errno == EWOULDBLOCK)
-        return cn_fail(error, CN_ERR_FILE, frames->folder, 0,
+        return cn_fail(error, CN_FAULT_LOCKED, frames->folder, 0,
                        "another run is writing its frames here: give another folder or wait for its end");
     return CN_OK;
 }
@@ -167,7 +168,8 @@ static cn_status replace_index(cn_frames *frames, const char *text, size_t lengt
     if ((status = cn_output_commit(&index, error)) != CN_OK) return status;
     if (frames->pvd >= 0) close(frames->pvd);
     if ((frames->pvd = open(frames->index, O_WRONLY | O_CLOEXEC)) < 0)
-        return cn_fail(error, CN_ERR_FILE, frames->index, 0, "cannot be written: %s", strerror(errno));
+        return cn_fail(error, cn_fault_file(errno), frames->index, 0, "cannot be written: %s",
+                       strerror(errno));
     frames->end = (off_t)(length + strlen(entries));
     return CN_OK;
 }
@@ -182,7 +184,7 @@ cn_status cn_frames_open(cn_frames **out, const char *folder, cn_error *error)
     if (!frames) return out_of_memory(error, folder);
     frames->pvd = frames->lock = frames->last = -1;
     if (!*folder) {
-        status = cn_fail(error, CN_ERR_FILE, "", 0, "the frames' folder has no name");
+        status = cn_fail(error, CN_FAULT_MISSING_FILE, "", 0, "the frames' folder has no name");
         goto fail;
     }
     if (!(frames->folder = strdup(folder)) || !(frames->index = join(folder, "frames.pvd"))) {
@@ -208,7 +210,7 @@ cn_status cn_frames_close(cn_frames *frames, cn_error *error)
     cn_status status = CN_OK;
     if (!frames) return CN_OK;
     if (frames->pvd >= 0 && close(frames->pvd))
-        status = cn_fail(error, CN_ERR_FILE, frames->folder, 0, "frames.pvd cannot be closed: %s",
+        status = cn_fail(error, cn_fault_file(errno), frames->folder, 0, "frames.pvd cannot be closed: %s",
                          strerror(errno));
     if (frames->lock >= 0) close(frames->lock);
     free(frames->folder);
@@ -274,7 +276,8 @@ static cn_status go_back(cn_frames *frames, int step, const char *entries, cn_er
     cn_status status = read_index(frames->index, &text, error);
     if (status != CN_OK) return status;
     if (!text)
-        return cn_fail(error, CN_ERR_FILE, frames->index, 0, "cannot be read back, or is no index of frames");
+        return cn_fail(error, CN_FAULT_ACCESS, frames->index, 0,
+                       "cannot be read back, or is no index of frames");
     const char *from = first_from(text, step);
     status = replace_index(frames, text, (size_t)(from - text), entries, error);
     if (status == CN_OK) remove_pieces(frames, from, entries);
@@ -306,8 +309,8 @@ cn_status cn_frames_write(cn_frames *frames, const cn_frame *frame, cn_error *er
             const int cause = errno;
             if (ftruncate(frames->pvd, frames->end + (off_t)strlen(tail)) == 0)
                 write_all(frames->pvd, tail, strlen(tail), frames->end);
-            status = cn_fail(error, CN_ERR_FILE, frames->folder, 0, "frames.pvd cannot be written: %s",
-                             strerror(cause));
+            status = cn_fail(error, cn_fault_file(cause), frames->folder, 0,
+                             "frames.pvd cannot be written: %s", strerror(cause));
         }
     }
     if (status == CN_OK) frames->last = frame->step;

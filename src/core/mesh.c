@@ -219,7 +219,7 @@ static cn_status sorted_faces(const cn_tets *tets, cn_facet **out)
 static cn_status check_numbers(const cn_tets *tets, cn_error *error)
 {
     if (tets->ntet < 1 || tets->nnode < 4)
-        return cn_fail(error, CN_ERR_MESH, NULL, 0,
+        return cn_fail(error, CN_FAULT_NO_PARTS, NULL, 0,
                        "the mesh has %d nodes and %d tetrahedra: nothing to simulate", tets->nnode,
                        tets->ntet);
     for (int i = 0; i < 3 * tets->nnode; i++)
@@ -228,14 +228,14 @@ static cn_status check_numbers(const cn_tets *tets, cn_error *error)
                            "node %d has coordinate %g: give a finite number", i / 3, tets->node[i]);
     for (int i = 0; i < 4 * tets->ntet; i++)
         if (tets->tet[i] < 0 || tets->tet[i] >= tets->nnode)
-            return cn_fail(error, CN_ERR_MESH, NULL, 0,
+            return cn_fail(error, CN_FAULT_NO_VERTEX, NULL, 0,
                            "tetrahedron %d names node %d, but nodes run from 0 to %d", i / 4, tets->tet[i],
                            tets->nnode - 1);
     for (int i = 0; i < tets->ntet; i++)
         for (int a = 0; a < 4; a++)
             for (int b = 0; b < a; b++)
                 if (tets->tet[4 * i + a] == tets->tet[4 * i + b])
-                    return cn_fail(error, CN_ERR_MESH, NULL, 0,
+                    return cn_fail(error, CN_FAULT_DEGENERATE, NULL, 0,
                                    "tetrahedron %d names node %d twice: it has no volume; remove it", i,
                                    tets->tet[4 * i + a]);
     return CN_OK;
@@ -251,7 +251,7 @@ static cn_status check_volumes(const cn_tets *tets, cn_error *error)
         const double v = volume6(tets, i);
         if (!(fabs(v) > 1e-14 * sum / tets->ntet))
             return cn_fail(
-                error, CN_ERR_MESH, NULL, 0,
+                error, CN_FAULT_DEGENERATE, NULL, 0,
                 "tetrahedron %d (nodes %d %d %d %d) has volume %g, the mean is %g: it is flat; remesh", i,
                 tets->tet[4 * i], tets->tet[4 * i + 1], tets->tet[4 * i + 2], tets->tet[4 * i + 3], v / 6,
                 sum / 6 / tets->ntet);
@@ -271,7 +271,7 @@ static cn_status check_topology(const cn_tets *tets, cn_error *error)
         used[tets->tet[i]] = 1;
     for (int i = 0; i < tets->nnode; i++)
         if (!used[i]) {
-            status = cn_fail(error, CN_ERR_MESH, NULL, 0,
+            status = cn_fail(error, CN_FAULT_UNUSED, NULL, 0,
                              "node %d belongs to no tetrahedron: it would have no mass; remove it", i);
             goto done;
         }
@@ -282,7 +282,7 @@ static cn_status check_topology(const cn_tets *tets, cn_error *error)
         const int a = face[i].item, b = face[i + 1].item;
         if (j - i > 2) {
             status = cn_fail(
-                error, CN_ERR_MESH, NULL, 0,
+                error, CN_FAULT_NON_MANIFOLD, NULL, 0,
                 "face %d %d %d belongs to %d tetrahedra (%d, %d, %d ...): at most two may share one; "
                 "remesh, or remove the duplicate",
                 face[i].key[0], face[i].key[1], face[i].key[2], j - i, a / 4, b / 4, face[i + 2].item / 4);
@@ -292,7 +292,7 @@ static cn_status check_topology(const cn_tets *tets, cn_error *error)
         for (int k = 0; k < 16; k++)
             same += tets->tet[(a & ~3) + k / 4] == tets->tet[(b & ~3) + k % 4];
         if (same == 4) {
-            status = cn_fail(error, CN_ERR_MESH, NULL, 0,
+            status = cn_fail(error, CN_FAULT_DUPLICATE, NULL, 0,
                              "tetrahedra %d and %d have the same four nodes: remove one", a / 4, b / 4);
             goto done;
         }

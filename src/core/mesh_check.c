@@ -40,7 +40,7 @@ static bool repeated(const cn_surface *s, int i)
 static cn_status check_numbers(const cn_surface *s, cn_error *error)
 {
     if (s->ntri < 1 || s->nvert < 3)
-        return cn_fail(error, CN_ERR_MESH, NULL, 0,
+        return cn_fail(error, CN_FAULT_NO_PARTS, NULL, 0,
                        "the surface has %d vertices and %d triangles: it is empty", s->nvert, s->ntri);
     if (s->ntri > INT_MAX / 3)
         return cn_fail(error, CN_ERR_MESH, NULL, 0, "the surface has %d triangles: at most %d are taken",
@@ -54,7 +54,7 @@ static cn_status check_numbers(const cn_surface *s, cn_error *error)
     for (int i = 0; i < s->ntri; i++)
         for (int k = 0; k < 3; k++)
             if (s->tri[3 * (size_t)i + k] < 0 || s->tri[3 * (size_t)i + k] >= s->nvert)
-                return cn_fail(error, CN_ERR_MESH, NULL, 0,
+                return cn_fail(error, CN_FAULT_NO_VERTEX, NULL, 0,
                                "triangle %d names vertex %d, but vertices run from 0 to %d", i,
                                s->tri[3 * (size_t)i + k], s->nvert - 1);
     return CN_OK;

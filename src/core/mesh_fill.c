@@ -36,7 +36,7 @@ static cn_status make_folder(char folder[PATH_SIZE], cn_error *error)
     if (mkdtemp(folder)) return CN_OK;
     const int reason = errno;
     folder[0] = 0;
-    return cn_fail(error, CN_ERR_FILE, base, 0, "no temporary folder can be made in it: %s",
+    return cn_fail(error, cn_fault_file(reason), base, 0, "no temporary folder can be made in it: %s",
                    strerror(reason));
 }
 
@@ -65,7 +65,7 @@ static cn_status write_smesh(const char *folder, const cn_surface *s, double sca
 
     snprintf(path, sizeof path, "%s/x.smesh", folder);
     if (!(file = fopen(path, "w")))
-        return cn_fail(error, CN_ERR_FILE, path, 0, "cannot be written: %s", strerror(errno));
+        return cn_fail(error, cn_fault_file(errno), path, 0, "cannot be written: %s", strerror(errno));
     fprintf(file, "%d 3 0 0\n", nused);
     for (int i = 0; i < s->nvert; i++)
         if (number[i] >= 0)
@@ -78,7 +78,7 @@ static cn_status write_smesh(const char *folder, const cn_surface *s, double sca
     fprintf(file, "0\n0\n");
     const int failed = ferror(file);
     if (fclose(file) || failed)
-        return cn_fail(error, CN_ERR_FILE, path, 0, "cannot be written: the disk may be full");
+        return cn_fail(error, CN_FAULT_ACCESS, path, 0, "cannot be written: the disk may be full");
     return CN_OK;
 }
 
@@ -267,7 +267,7 @@ cn_status cn_tets_fill_by(cn_tets **out, const cn_surface *surface, double max_v
     cn_status status;
 
     if (!(max_volume >= 0 && max_volume < INFINITY))
-        return cn_fail(error, CN_ERR_ARG, NULL, 0,
+        return cn_fail(error, CN_FAULT_VALUE, NULL, 0,
                        "the largest volume of a tetrahedron is %g: 0 or more is needed", max_volume);
     if ((status = cn_surface_copy(&copy, surface)) != CN_OK)
         return cn_fail(error, status, NULL, 0, "out of memory copying %d triangles", surface->ntri);

@@ -21,7 +21,7 @@ static double volume(const cn_tets *tets, int i)
 static cn_status check_numbers(const cn_tets *tets, cn_error *error)
 {
     if (tets->ntet < 1 || tets->nnode < 4 || tets->ntet > INT_MAX / 4)
-        return cn_fail(error, CN_ERR_MESH, NULL, 0,
+        return cn_fail(error, CN_FAULT_NO_PARTS, NULL, 0,
                        "the mesh has %d nodes and %d tetrahedra: nothing to measure", tets->nnode,
                        tets->ntet);
     for (int i = 0; i < tets->nnode; i++)
@@ -31,7 +31,7 @@ static cn_status check_numbers(const cn_tets *tets, cn_error *error)
                                i, "xyz"[k], tets -> node[3 * (size_t)i + k]);
     for (int i = 0; i < 4 * tets->ntet; i++)
         if (tets->tet[i] < 0 || tets->tet[i] >= tets->nnode)
-            return cn_fail(error, CN_ERR_MESH, NULL, 0,
+            return cn_fail(error, CN_FAULT_NO_VERTEX, NULL, 0,
                            "tetrahedron %d names node %d, but nodes run from 0 to %d", i / 4, tets->tet[i],
                            tets->nnode - 1);
     return CN_OK;

@@ -23,12 +23,14 @@ static cn_status load(cn_scan *scan, int fd)
     struct stat info;
 
     if (fstat(fd, &info))
-        return cn_fail(scan->error, CN_ERR_FILE, scan->path, 0, "cannot be read: %s", strerror(errno));
+        return cn_fail(scan->error, cn_fault_file(errno), scan->path, 0, "cannot be read: %s",
+                       strerror(errno));
     if (!S_ISREG(info.st_mode))
-        return cn_fail(scan->error, CN_ERR_FILE, scan->path, 0, "is not a regular file: name a mesh file");
-    if (info.st_size == 0) return cn_fail(scan->error, CN_ERR_PARSE, scan->path, 0, "is empty (0 bytes)");
+        return cn_fail(scan->error, CN_FAULT_NO_FILE, scan->path, 0,
+                       "is not a regular file: name a mesh file");
+    if (info.st_size == 0) return cn_fail(scan->error, CN_FAULT_EMPTY, scan->path, 0, "is empty (0 bytes)");
     if (info.st_size > INT_MAX)
-        return cn_fail(scan->error, CN_ERR_PARSE, scan->path, 0, "has %lld bytes: at most %d are read",
+        return cn_fail(scan->error, CN_FAULT_LARGE, scan->path, 0, "has %lld bytes: at most %d are read",
                        (long long)info.st_size, INT_MAX);
     if (!(scan->data = malloc((size_t)info.st_size + 1)))
         return cn_fail(scan->error, CN_ERR_MEMORY, scan->path, 0, "out of memory: the file has %lld bytes",
@@ -37,7 +39,8 @@ static cn_status load(cn_scan *scan, int fd)
         const ssize_t n = read(fd, scan->data + scan->size, (size_t)info.st_size - scan->size);
         if (n < 0 && errno == EINTR) continue;
         if (n < 0)
-            return cn_fail(scan->error, CN_ERR_FILE, scan->path, 0, "cannot be read: %s", strerror(errno));
+            return cn_fail(scan->error, cn_fault_file(errno), scan->path, 0, "cannot be read: %s",
+                           strerror(errno));
         if (n == 0) break; /* it shrank meanwhile: judged by what is there */
         scan->size += (size_t)n;
     }
@@ -54,7 +57,7 @@ cn_status cn_scan_open(cn_scan *scan, const char *path, cn_error *error)
     if (!(scan->c = newlocale(LC_ALL_MASK, "C", (locale_t)0)))
         return cn_fail(error, CN_ERR_MEMORY, path, 0, "out of memory");
     const int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-    if (fd < 0) return cn_fail(error, CN_ERR_FILE, path, 0, "cannot be opened: %s", strerror(errno));
+    if (fd < 0) return cn_fail(error, cn_fault_file(errno), path, 0, "cannot be opened: %s", strerror(errno));
     const cn_status status = load(scan, fd);
     close(fd);
     return status;
@@ -75,24 +78,24 @@ void cn_scan_rewind(cn_scan *scan)
     scan->cursor = scan->end = scan->data;
 }
 
-cn_status cn_scan_fail(const cn_scan *scan, const char *format, ...)
+cn_status cn_scan_fail(const cn_scan *scan, int fault, const char *format, ...)
 {
     char text[sizeof((cn_error *)0)->message];
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    return cn_fail(scan->error, CN_ERR_PARSE, scan->path, scan->line, "%s", text);
+    return cn_fail(scan->error, fault, scan->path, scan->line, "%s", text);
 }
 
-cn_status cn_scan_fail_at(const cn_scan *scan, size_t at, const char *format, ...)
+cn_status cn_scan_fail_at(const cn_scan *scan, int fault, size_t at, const char *format, ...)
 {
     char text[sizeof((cn_error *)0)->message - 32];
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    return cn_fail(scan->error, CN_ERR_PARSE, scan->path, 0, "byte %zu: %s", at, text);
+    return cn_fail(scan->error, fault, scan->path, 0, "byte %zu: %s", at, text);
 }
 
 cn_quote cn_scan_quote(const char *token, size_t length)
@@ -108,7 +111,7 @@ cn_quote cn_scan_quote(const char *token, size_t length)
 cn_status cn_scan_room(const cn_scan *scan, double bytes, const char *what)
 {
     if (bytes <= 8.0 * (double)scan->size + 12.0 * 1048576) return CN_OK;
-    return cn_scan_fail(scan,
+    return cn_scan_fail(scan, CN_FAULT_COUNT,
                         "%s would need %.0f bytes, but the file has only %zu: its counts are wrong, or it "
                         "repeats itself",
                         what, bytes, scan->size);
@@ -146,7 +149,8 @@ bool cn_scan_line(cn_scan *scan)
 cn_status cn_scan_need_line(cn_scan *scan, const char *what)
 {
     if (cn_scan_line(scan)) return CN_OK;
-    return cn_scan_fail(scan, "the file ends where %s should follow: it is cut short", what);
+    return cn_scan_fail(scan, CN_FAULT_CUT_SHORT, "the file ends where %s should follow: it is cut short",
+                        what);
 }
 
 bool cn_scan_token(cn_scan *scan, const char **token, size_t *length)
@@ -172,9 +176,10 @@ cn_status cn_scan_word(cn_scan *scan, const char *word)
     const char *token;
     size_t length;
     if (!cn_scan_token(scan, &token, &length))
-        return cn_scan_fail(scan, "the line ends where '%s' should stand", word);
+        return cn_scan_fail(scan, CN_FAULT_COUNT, "the line ends where '%s' should stand", word);
     if (cn_scan_is(token, length, word)) return CN_OK;
-    return cn_scan_fail(scan, "'%s' stands where '%s' should", cn_scan_quote(token, length).text, word);
+    return cn_scan_fail(scan, CN_FAULT_WORD, "'%s' stands where '%s' should",
+                        cn_scan_quote(token, length).text, word);
 }
 
 cn_status cn_scan_no_more(cn_scan *scan, const char *what)
@@ -182,7 +187,7 @@ cn_status cn_scan_no_more(cn_scan *scan, const char *what)
     const char *token;
     size_t length;
     if (!cn_scan_token(scan, &token, &length)) return CN_OK;
-    return cn_scan_fail(scan, "'%s' follows %s: remove it, or check the counts before",
+    return cn_scan_fail(scan, CN_FAULT_COUNT, "'%s' follows %s: remove it, or check the counts before",
                         cn_scan_quote(token, length).text, what);
 }
 
@@ -241,10 +246,11 @@ cn_status cn_scan_number(cn_scan *scan, const char *what, double *value)
     const char *token;
     size_t length;
     if (!cn_scan_token(scan, &token, &length))
-        return cn_scan_fail(scan, "the line ends where %s should stand", what);
+        return cn_scan_fail(scan, CN_FAULT_COUNT, "the line ends where %s should stand", what);
     if (parse_number(token, length, scan->c, value)) return CN_OK;
-    return cn_scan_fail(scan, "%s is '%s': a finite decimal number is needed", what,
-                        cn_scan_quote(token, length).text);
+    const cn_quote quote = cn_scan_quote(token, length);
+    return cn_scan_fail(scan, cn_fault_number(quote.text), "%s is '%s': a finite decimal number is needed",
+                        what, quote.text);
 }
 
 bool cn_parse_integer(const char *token, size_t length, int64_t *value)
@@ -267,13 +273,13 @@ cn_status cn_scan_integer(cn_scan *scan, const char *what, int64_t low, int64_t 
     const char *token;
     size_t length;
     if (!cn_scan_token(scan, &token, &length))
-        return cn_scan_fail(scan, "the line ends where %s should stand", what);
+        return cn_scan_fail(scan, CN_FAULT_COUNT, "the line ends where %s should stand", what);
     if (!cn_parse_integer(token, length, value))
-        return cn_scan_fail(scan, "%s is '%s': a whole number is needed", what,
+        return cn_scan_fail(scan, CN_FAULT_TYPE, "%s is '%s': a whole number is needed", what,
                             cn_scan_quote(token, length).text);
     if (*value >= low && *value <= high) return CN_OK;
-    return cn_scan_fail(scan, "%s is %lld: it must lie between %lld and %lld", what, (long long)*value,
-                        (long long)low, (long long)high);
+    return cn_scan_fail(scan, CN_FAULT_RANGE, "%s is %lld: it must lie between %lld and %lld", what,
+                        (long long)*value, (long long)low, (long long)high);
 }
 
 /* --- binary --- */
@@ -354,12 +360,12 @@ cn_status cn_surface_read(cn_surface **out, const char *path, cn_error *error)
     cn_status status;
 
     if (extension_is(path, ".node") || extension_is(path, ".ele"))
-        return cn_fail(error, CN_ERR_PARSE, path, 0,
+        return cn_fail(error, CN_FAULT_FORMAT, path, 0,
                        "holds tetrahedra where a surface is needed: "
                        "give a .stl, .obj, .ply or .msh file");
     if (!extension_is(path, ".stl") && !extension_is(path, ".obj") && !extension_is(path, ".ply") &&
         !extension_is(path, ".msh"))
-        return cn_fail(error, CN_ERR_PARSE, path, 0,
+        return cn_fail(error, CN_FAULT_FORMAT, path, 0,
                        "has no extension that is read as a surface: .stl, .obj, .ply and .msh are (unpack "
                        "compressed files first)");
     if ((status = cn_scan_open(&scan, path, error)) != CN_OK) goto done;
@@ -369,8 +375,9 @@ cn_status cn_surface_read(cn_surface **out, const char *path, cn_error *error)
     if (extension_is(path, ".msh")) status = cn_read_msh(&scan, &surface, NULL);
     if (status == CN_OK && surface->ntri == 0) {
         scan.line = 0;
-        status = cn_scan_fail(&scan, "holds no triangles (%d vertices): export the surface as triangles",
-                              surface->nvert);
+        status =
+            cn_scan_fail(&scan, CN_FAULT_NO_MESH,
+                         "holds no triangles (%d vertices): export the surface as triangles", surface->nvert);
     }
     if (status == CN_OK) {
         *out = surface;
@@ -427,11 +434,11 @@ cn_status cn_tets_read(cn_tets **out, const char *path, cn_error *error)
         cn_scan_close(&scan);
     } else {
         return cn_fail(
-            error, CN_ERR_PARSE, path, 0,
+            error, CN_FAULT_FORMAT, path, 0,
             "has no extension that is read as tetrahedra: .node (with .ele beside it) and .msh are");
     }
     if (status == CN_OK && tets->ntet == 0) {
-        status = cn_fail(error, CN_ERR_PARSE, path, 0,
+        status = cn_fail(error, CN_FAULT_NO_MESH, path, 0,
                          "holds no tetrahedra (%d nodes): fill the surface first", tets->nnode);
         cn_tets_free(tets);
     } else if (status == CN_OK) {
@@ -445,7 +452,7 @@ cn_status cn_surface_write_stl(const cn_surface *surface, const char *path, cn_e
 {
     FILE *file = fopen(path, "w");
 
-    if (!file) return cn_fail(error, CN_ERR_FILE, path, 0, "cannot be written: %s", strerror(errno));
+    if (!file) return cn_fail(error, cn_fault_file(errno), path, 0, "cannot be written: %s", strerror(errno));
     fprintf(file, "solid catnav\n");
     for (int i = 0; i < surface->ntri; i++) {
         const double *x[3];
@@ -464,6 +471,6 @@ cn_status cn_surface_write_stl(const cn_surface *surface, const char *path, cn_e
     fprintf(file, "endsolid catnav\n");
     const int failed = ferror(file);
     if (fclose(file) || failed)
-        return cn_fail(error, CN_ERR_FILE, path, 0, "cannot be written: %s", strerror(errno));
+        return cn_fail(error, cn_fault_file(errno), path, 0, "cannot be written: %s", strerror(errno));
     return CN_OK;
 }

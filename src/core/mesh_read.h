@@ -25,10 +25,11 @@ cn_status cn_scan_open(cn_scan *scan, const char *path, cn_error *error);
 void cn_scan_close(cn_scan *scan);
 void cn_scan_rewind(cn_scan *scan);
 
-/* CN_ERR_PARSE at the current line; at the current byte. */
-cn_status cn_scan_fail(const cn_scan *scan, const char *format, ...) __attribute__((format(printf, 2, 3)));
-cn_status cn_scan_fail_at(const cn_scan *scan, size_t at, const char *format, ...)
+/* A fault of CN_ERR_PARSE at the current line; at the current byte. */
+cn_status cn_scan_fail(const cn_scan *scan, int fault, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+cn_status cn_scan_fail_at(const cn_scan *scan, int fault, size_t at, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
 /* A token made fit to print. */
 typedef struct {
     char text[44];

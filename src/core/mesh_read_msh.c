@@ -68,16 +68,17 @@ static const struct {
 
 /* --- numbers, alike for text and binary --- */
 
-static cn_status fail(const msh *file, size_t at, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-static cn_status fail(const msh *file, size_t at, const char *format, ...)
+static cn_status fail(const msh *file, int fault, size_t at, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+static cn_status fail(const msh *file, int fault, size_t at, const char *format, ...)
 {
     char text[400];
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    return file->binary ? cn_scan_fail_at(file->scan, at, "%s", text) : cn_scan_fail(file->scan, "%s", text);
+    return file->binary ? cn_scan_fail_at(file->scan, fault, at, "%s", text)
+                        : cn_scan_fail(file->scan, fault, "%s", text);
 }
 
 /* A record is a line of text; in binary nothing marks it. */
@@ -95,12 +96,14 @@ static cn_status get_integer(msh *file, int size, const char *what, int64_t low,
     if (!file->binary) return cn_scan_integer(file->scan, what, low, high, value);
     const size_t at = file->scan->at;
     const unsigned char *bytes = cn_scan_bytes(file->scan, (size_t)size);
-    if (!bytes) return cn_scan_fail_at(file->scan, at, "the file ends within %s: it is cut short", what);
+    if (!bytes)
+        return cn_scan_fail_at(file->scan, CN_FAULT_CUT_SHORT, at, "the file ends within %s: it is cut short",
+                               what);
     const uint64_t bits = cn_scan_unsigned(file->scan, bytes, size);
     *value = size == 4 ? (int64_t)(int32_t)bits : (int64_t)bits;
     if (*value >= low && *value <= high) return CN_OK;
-    return cn_scan_fail_at(file->scan, at, "%s is %lld: it must lie between %lld and %lld", what,
-                           (long long)*value, (long long)low, (long long)high);
+    return cn_scan_fail_at(file->scan, CN_FAULT_RANGE, at, "%s is %lld: it must lie between %lld and %lld",
+                           what, (long long)*value, (long long)low, (long long)high);
 }
 
 static cn_status get_number(msh *file, const char *what, double *value)
@@ -108,10 +111,13 @@ static cn_status get_number(msh *file, const char *what, double *value)
     if (!file->binary) return cn_scan_number(file->scan, what, value);
     const size_t at = file->scan->at;
     const unsigned char *bytes = cn_scan_bytes(file->scan, 8);
-    if (!bytes) return cn_scan_fail_at(file->scan, at, "the file ends within %s: it is cut short", what);
+    if (!bytes)
+        return cn_scan_fail_at(file->scan, CN_FAULT_CUT_SHORT, at, "the file ends within %s: it is cut short",
+                               what);
     *value = cn_scan_real(file->scan, bytes, 8);
     if (isfinite(*value)) return CN_OK;
-    return cn_scan_fail_at(file->scan, at, "%s is %g: a finite number is needed", what, *value);
+    return cn_scan_fail_at(file->scan, CN_FAULT_NUMBER, at, "%s is %g: a finite number is needed", what,
+                           *value);
 }
 
 /* --- sections --- */
@@ -126,12 +132,14 @@ static cn_status read_format(msh *file)
 
     if (!cn_scan_line(scan) || !cn_scan_token(scan, &token, &length) ||
         !cn_scan_is(token, length, "$MeshFormat"))
-        return cn_scan_fail(scan, "the file does not begin with $MeshFormat: it is no Gmsh .msh file");
+        return cn_scan_fail(scan, CN_FAULT_FORMAT,
+                            "the file does not begin with $MeshFormat: it is no Gmsh .msh file");
     if ((status = cn_scan_need_line(scan, "the version")) != CN_OK) return status;
-    if (!cn_scan_token(scan, &token, &length)) return cn_scan_fail(scan, "the version is missing");
+    if (!cn_scan_token(scan, &token, &length))
+        return cn_scan_fail(scan, CN_FAULT_FORMAT, "the version is missing");
     file->v4 = cn_scan_is(token, length, "4.1");
     if (!file->v4 && !cn_scan_is(token, length, "2.2"))
-        return cn_scan_fail(scan, "version %s is not read: save as 4.1 or 2.2",
+        return cn_scan_fail(scan, CN_FAULT_FORMAT, "version %s is not read: save as 4.1 or 2.2",
                             cn_scan_quote(token, length).text);
     if ((status = cn_scan_integer(scan, "the file type", 0, 1, &binary)) != CN_OK) return status;
     if ((status = cn_scan_integer(scan, "the data size", 8, 8, &size)) != CN_OK) return status;
@@ -143,7 +151,8 @@ static cn_status read_format(msh *file)
             return status;
         scan->swap = one == 0x01000000;
         if (one != 1 && !scan->swap)
-            return cn_scan_fail_at(scan, at, "the byte order's mark is %lld: 1 is needed", (long long)one);
+            return cn_scan_fail_at(scan, CN_FAULT_FORMAT, at, "the byte order's mark is %lld: 1 is needed",
+                                   (long long)one);
     }
     if ((status = cn_scan_need_line(scan, "$EndMeshFormat")) != CN_OK) return status;
     return cn_scan_word(scan, "$EndMeshFormat");
@@ -163,7 +172,7 @@ static cn_status skip_section(msh *file, const char *name, size_t length)
         break;
     }
     if (!p)
-        return fail(file, (size_t)(name - scan->data),
+        return fail(file, CN_FAULT_CUT_SHORT, (size_t)(name - scan->data),
                     "the section %s that begins in line %d has no $End%s: the file "
                     "is cut short",
                     cn_scan_quote(name, length).text, line, cn_scan_quote(name + 1, length - 1).text);
@@ -230,7 +239,8 @@ static cn_status read_node_blocks(msh *file, int64_t blocks)
         done += (int)n;
     }
     if (done == file->nnode) return CN_OK;
-    return fail(file, file->scan->at, "the blocks hold %d nodes, the section says %d", done, file->nnode);
+    return fail(file, CN_FAULT_COUNT, file->scan->at, "the blocks hold %d nodes, the section says %d", done,
+                file->nnode);
 }
 
 static cn_status read_node_lines(msh *file)
@@ -271,8 +281,9 @@ static cn_status read_counts(msh *file, const char *what, size_t least, int64_t 
         if ((status = end(file, "the section's counts")) != CN_OK) return status;
     }
     if (*n <= most) return CN_OK;
-    return fail(file, scan->at, "%s is %lld, but only %zu bytes follow: the file is cut short", what,
-                (long long)*n, scan->size - scan->at);
+    return fail(file, CN_FAULT_CUT_SHORT, scan->at,
+                "%s is %lld, but only %zu bytes follow: the file is cut short", what, (long long)*n,
+                scan->size - scan->at);
 }
 
 static cn_status read_nodes(msh *file)
@@ -280,7 +291,8 @@ static cn_status read_nodes(msh *file)
     int64_t blocks = 0, n = 0;
     cn_status status;
 
-    if (file->has_nodes) return fail(file, file->scan->at, "a second $Nodes section follows: keep one");
+    if (file->has_nodes)
+        return fail(file, CN_FAULT_TWICE, file->scan->at, "a second $Nodes section follows: keep one");
     file->has_nodes = true;
     if ((status = read_counts(file, "the number of nodes", 8, &blocks, &n)) != CN_OK) return status;
     file->nnode = (int)n;
@@ -294,7 +306,7 @@ static cn_status read_nodes(msh *file)
     if (!ascending) qsort(file->by_tag, (size_t)n, sizeof *file->by_tag, by_tag);
     for (int i = 1; i < file->nnode; i++)
         if (file->by_tag[i - 1].tag == file->by_tag[i].tag)
-            return fail(file, file->scan->at, "two nodes have the number %lld: renumber them",
+            return fail(file, CN_FAULT_TWICE, file->scan->at, "two nodes have the number %lld: renumber them",
                         (long long)file->by_tag[i].tag);
     return CN_OK;
 }
@@ -326,12 +338,13 @@ static cn_status judge_type(const msh *file, int64_t type, int *nodes, bool *kee
         *nodes = kinds[i].nodes;
         *keep = type == file->kept;
         if (*keep || kinds[i].dimension != dimension) return CN_OK;
-        return fail(file, file->scan->at,
+        return fail(file, CN_FAULT_UNREAD, file->scan->at,
                     "an element is a %s (type %lld): only 3-node triangles and 4-node "
                     "tetrahedra are read; remesh or save first order",
                     kinds[i].name, (long long)type);
     }
-    return fail(file, file->scan->at, "an element has the unknown type %lld", (long long)type);
+    return fail(file, CN_FAULT_UNREAD, file->scan->at, "an element has the unknown type %lld",
+                (long long)type);
 }
 
 static cn_status read_corners(msh *file, int nodes, bool keep)
@@ -347,7 +360,8 @@ static cn_status read_corners(msh *file, int nodes, bool keep)
         if (!keep) continue;
         const int index = find_node(file, tag);
         if (index < 0)
-            return fail(file, at, "the element names node %lld, which $Nodes does not have", (long long)tag);
+            return fail(file, CN_FAULT_INDEX, at, "the element names node %lld, which $Nodes does not have",
+                        (long long)tag);
         file->element[(size_t)file->nelement * file->corners + k] = index;
     }
     file->nelement += keep;
@@ -383,8 +397,8 @@ static cn_status read_element_blocks(msh *file, int64_t blocks, int64_t total)
         done += n;
     }
     if (done == total) return CN_OK;
-    return fail(file, file->scan->at, "the blocks hold %lld elements, the section says %lld", (long long)done,
-                (long long)total);
+    return fail(file, CN_FAULT_COUNT, file->scan->at, "the blocks hold %lld elements, the section says %lld",
+                (long long)done, (long long)total);
 }
 
 /* Version 2.2. Text: number type tags. Binary: type, how many follow, tags; then number, tags, nodes of each.
@@ -424,8 +438,9 @@ static cn_status read_elements(msh *file)
     int64_t blocks = 0, n = 0;
     cn_status status;
 
-    if (file->has_elements) return fail(file, file->scan->at, "a second $Elements section follows: keep one");
-    if (!file->has_nodes) return fail(file, file->scan->at, "$Elements stands before $Nodes");
+    if (file->has_elements)
+        return fail(file, CN_FAULT_TWICE, file->scan->at, "a second $Elements section follows: keep one");
+    if (!file->has_nodes) return fail(file, CN_FAULT_ORDER, file->scan->at, "$Elements stands before $Nodes");
     file->has_elements = true;
     if ((status = read_counts(file, "the number of elements", 4, &blocks, &n)) != CN_OK) return status;
     if (!(file->element = cn_array((size_t)n, (size_t)file->corners * sizeof *file->element)))
@@ -445,7 +460,7 @@ static cn_status read_sections(msh *file)
         const bool nodes = cn_scan_is(token, length, "$Nodes"),
                    elements = cn_scan_is(token, length, "$Elements");
         if (length < 2 || *token != '$' || !strncmp(token, "$End", 4))
-            return fail(file, (size_t)(token - scan->data),
+            return fail(file, CN_FAULT_WORD, (size_t)(token - scan->data),
                         "'%s' stands where a section should begin with $Name",
                         cn_scan_quote(token, length).text);
         if (!nodes && !elements) {
@@ -458,7 +473,8 @@ static cn_status read_sections(msh *file)
     }
     if (status != CN_OK) return status;
     if (!file->has_nodes || !file->has_elements)
-        return fail(file, scan->size, "the file has no $%s section", file->has_nodes ? "Elements" : "Nodes");
+        return fail(file, CN_FAULT_MISSING, scan->size, "the file has no $%s section",
+                    file->has_nodes ? "Elements" : "Nodes");
     return CN_OK;
 }
 
@@ -472,7 +488,8 @@ cn_status cn_read_msh(cn_scan *scan, cn_surface **surface, cn_tets **tets)
     if ((status = read_sections(&file)) != CN_OK) goto done;
     if (file.nelement == 0) {
         scan->line = 0;
-        status = cn_scan_fail(scan, "holds no %s (%lld elements of other kinds): a %s is needed here",
+        status = cn_scan_fail(scan, CN_FAULT_NO_MESH,
+                              "holds no %s (%lld elements of other kinds): a %s is needed here",
                               surface ? "triangles" : "tetrahedra", (long long)file.aside,
                               surface ? "surface mesh" : "volume mesh");
         goto done;

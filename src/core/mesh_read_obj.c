@@ -52,13 +52,15 @@ static cn_status read_corner(cn_scan *scan, const char *token, size_t length, in
         if (!cn_parse_integer(part[k], part_length[k], &other)) goto malformed;
     }
     if (index < 0 ? -index > seen : index < 1 || index > nvert)
-        return cn_scan_fail(
-            scan, "the face names vertex %lld, but %s %d: correct the index", (long long)index,
-            index < 0 ? "the vertices before it number" : "vertices run from 1 to", index < 0 ? seen : nvert);
+        return cn_scan_fail(scan, CN_FAULT_INDEX, "the face names vertex %lld, but %s %d: correct the index",
+                            (long long)index,
+                            index < 0 ? "the vertices before it number" : "vertices run from 1 to",
+                            index < 0 ? seen : nvert);
     *corner = (int)(index < 0 ? seen + index : index - 1);
     return CN_OK;
 malformed:
-    return cn_scan_fail(scan, "'%s' is no face corner: one of v, v/vt, v//vn, v/vt/vn is needed",
+    return cn_scan_fail(scan, CN_FAULT_WORD,
+                        "'%s' is no face corner: one of v, v/vt, v//vn, v/vt/vn is needed",
                         cn_scan_quote(token, length).text);
 }
 
@@ -71,13 +73,14 @@ static cn_status read_vertex(cn_scan *scan, double *x)
 
     scan->cursor = cursor;
     if (n > 3 && n != 4 && n != 6 && n != 7)
-        return cn_scan_fail(scan, "the vertex has %d numbers: x y z, then at most w or a colour, are needed",
-                            n);
+        return cn_scan_fail(scan, CN_FAULT_COUNT,
+                            "the vertex has %d numbers: x y z, then at most w or a colour, are needed", n);
     for (int k = 0; k < 3; k++)
         if ((status = cn_scan_number(scan, "a vertex coordinate", x + k)) != CN_OK) return status;
     for (int k = 3; k < n; k++) {
         if ((status = cn_scan_number(scan, "the vertex's weight or colour", &rest)) != CN_OK) return status;
-        if (n == 4 && rest != 1) return cn_scan_fail(scan, "the vertex has weight %g: only 1 is read", rest);
+        if (n == 4 && rest != 1)
+            return cn_scan_fail(scan, CN_FAULT_UNREAD, "the vertex has weight %g: only 1 is read", rest);
     }
     return CN_OK;
 }
@@ -93,10 +96,11 @@ static cn_status read_face(cn_scan *scan, cn_surface *surface, int seen, int *co
         if ((status = read_corner(scan, token, length, surface->nvert, seen, corner + n++)) != CN_OK)
             return status;
     if (n < 3)
-        return cn_scan_fail(scan, "the face has %d corner%s: at least 3 are needed", n, n == 1 ? "" : "s");
+        return cn_scan_fail(scan, CN_FAULT_COUNT, "the face has %d corner%s: at least 3 are needed", n,
+                            n == 1 ? "" : "s");
     if (!cn_polygon_fan(surface->vert, n, corner, surface->tri + 3 * (size_t)surface->ntri))
-        return cn_scan_fail(scan, "the face of %d corners is neither flat nor convex: export it as triangles",
-                            n);
+        return cn_scan_fail(scan, CN_FAULT_UNREAD,
+                            "the face of %d corners is neither flat nor convex: export it as triangles", n);
     surface->ntri += n - 2;
     *polygons += n > 3;
     return CN_OK;
@@ -121,7 +125,7 @@ cn_status cn_read_obj(cn_scan *scan, cn_surface **out)
             ntri += n > 3 ? (size_t)n - 2 : 1;
             if (n > most) most = n;
         } else if (!is_skipped(token, length)) {
-            return cn_scan_fail(scan,
+            return cn_scan_fail(scan, CN_FAULT_WORD,
                                 "'%s' is not read (only vertices v and faces f make a surface): remove the "
                                 "line, or export triangles",
                                 cn_scan_quote(token, length).text);

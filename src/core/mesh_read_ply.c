@@ -46,13 +46,14 @@ static cn_status read_type(cn_scan *scan, ply_type *type)
     const char *token;
     size_t length;
     if (!cn_scan_token(scan, &token, &length))
-        return cn_scan_fail(scan, "the line ends where a type should stand");
+        return cn_scan_fail(scan, CN_FAULT_COUNT, "the line ends where a type should stand");
     for (size_t i = 0; i < sizeof type_names / sizeof *type_names; i++)
         if (cn_scan_is(token, length, type_names[i].name)) {
             *type = type_names[i].type;
             return CN_OK;
         }
-    return cn_scan_fail(scan, "'%s' is no type of PLY (char ... double)", cn_scan_quote(token, length).text);
+    return cn_scan_fail(scan, CN_FAULT_WORD, "'%s' is no type of PLY (char ... double)",
+                        cn_scan_quote(token, length).text);
 }
 
 static cn_status read_property(ply *file)
@@ -63,30 +64,33 @@ static cn_status read_property(ply *file)
     size_t length;
     cn_status status;
 
-    if (!file->nelement) return cn_scan_fail(scan, "a property stands before the first element");
+    if (!file->nelement)
+        return cn_scan_fail(scan, CN_FAULT_ORDER, "a property stands before the first element");
     if (element->nproperty == MOST_PROPERTIES)
-        return cn_scan_fail(scan, "the element has more than %d properties", MOST_PROPERTIES);
+        return cn_scan_fail(scan, CN_FAULT_TOO_MANY, "the element has more than %d properties",
+                            MOST_PROPERTIES);
     ply_property *property = element->property + element->nproperty++;
     *property = (ply_property){NONE, NONE, OTHER};
     if (cn_scan_token(scan, &token, &length) && cn_scan_is(token, length, "list")) {
         if ((status = read_type(scan, &property->count)) != CN_OK) return status;
         if (property->count >= FLOAT)
-            return cn_scan_fail(scan, "a list's count must be of a whole-number type");
+            return cn_scan_fail(scan, CN_FAULT_TYPE, "a list's count must be of a whole-number type");
     } else {
         scan->cursor = cursor;
     }
     if ((status = read_type(scan, &property->type)) != CN_OK) return status;
-    if (!cn_scan_token(scan, &token, &length)) return cn_scan_fail(scan, "the property has no name");
+    if (!cn_scan_token(scan, &token, &length))
+        return cn_scan_fail(scan, CN_FAULT_COUNT, "the property has no name");
     if (element->kind == VERTEX && !property->count && length == 1)
         property->role = *token == 'x' ? X : *token == 'y' ? Y : *token == 'z' ? Z : OTHER;
     if (element->kind == FACE && property->count &&
         (cn_scan_is(token, length, "vertex_indices") || cn_scan_is(token, length, "vertex_index")))
         property->role = CORNERS;
     if (property->role == CORNERS && property->type >= FLOAT)
-        return cn_scan_fail(scan, "the faces' corners must be of a whole-number type");
+        return cn_scan_fail(scan, CN_FAULT_TYPE, "the faces' corners must be of a whole-number type");
     for (int i = 0; property->role && i < element->nproperty - 1; i++)
         if (element->property[i].role == property->role)
-            return cn_scan_fail(scan, "the property '%s' is declared twice",
+            return cn_scan_fail(scan, CN_FAULT_TWICE, "the property '%s' is declared twice",
                                 cn_scan_quote(token, length).text);
     return cn_scan_no_more(scan, "the property");
 }
@@ -99,19 +103,20 @@ static cn_status read_element(ply *file)
     cn_status status;
 
     if (file->nelement == MOST_ELEMENTS)
-        return cn_scan_fail(scan, "the file has more than %d elements", MOST_ELEMENTS);
+        return cn_scan_fail(scan, CN_FAULT_TOO_MANY, "the file has more than %d elements", MOST_ELEMENTS);
     ply_element *element = file->element + file->nelement++;
     *element = (ply_element){.kind = ELSE};
-    if (!cn_scan_token(scan, &token, &length)) return cn_scan_fail(scan, "the element has no name");
+    if (!cn_scan_token(scan, &token, &length))
+        return cn_scan_fail(scan, CN_FAULT_COUNT, "the element has no name");
     if (cn_scan_is(token, length, "vertex")) element->kind = VERTEX;
     if (cn_scan_is(token, length, "face")) element->kind = FACE;
     if (cn_scan_is(token, length, "tristrips")) element->kind = STRIP;
     for (int i = 0; element->kind && i < file->nelement - 1; i++)
         if (file->element[i].kind == element->kind)
-            return cn_scan_fail(scan, "the element '%s' is declared twice",
+            return cn_scan_fail(scan, CN_FAULT_TWICE, "the element '%s' is declared twice",
                                 cn_scan_quote(token, length).text);
     if (element->kind == STRIP)
-        return cn_scan_fail(scan, "triangle strips are not read: export a list of faces");
+        return cn_scan_fail(scan, CN_FAULT_UNREAD, "triangle strips are not read: export a list of faces");
     if ((status = cn_scan_integer(scan, "the element's count", 0, INT_MAX / 3, &element->n)) != CN_OK)
         return status;
     return cn_scan_no_more(scan, "the element's count");
@@ -139,7 +144,8 @@ static cn_status read_header(ply *file)
             scan->swap = cn_scan_is(token, length, "binary_big_endian");
             if (!file->ascii && !scan->swap && !cn_scan_is(token, length, "binary_little_endian"))
                 return cn_scan_fail(
-                    scan, "format '%s' is unknown: ascii, binary_little_endian or binary_big_endian",
+                    scan, CN_FAULT_FORMAT,
+                    "format '%s' is unknown: ascii, binary_little_endian or binary_big_endian",
                     cn_scan_quote(token, length).text);
             if ((status = cn_scan_word(scan, "1.0")) != CN_OK) return status;
         } else if (cn_scan_is(token, length, "element")) {
@@ -147,13 +153,13 @@ static cn_status read_header(ply *file)
         } else if (cn_scan_is(token, length, "property")) {
             if ((status = read_property(file)) != CN_OK) return status;
         } else {
-            return cn_scan_fail(scan,
+            return cn_scan_fail(scan, CN_FAULT_WORD,
                                 "'%s' does not belong here: format, element, property, comment or end_header "
                                 "does",
                                 cn_scan_quote(token, length).text);
         }
     }
-    return format ? CN_OK : cn_scan_fail(scan, "the header names no format");
+    return format ? CN_OK : cn_scan_fail(scan, CN_FAULT_FORMAT, "the header names no format");
 }
 
 /* One value; ASCII: the next token. `plain` false: it is passed over, only its presence counts. */
@@ -167,16 +173,19 @@ static cn_status read_value(const ply *file, ply_type type, bool plain, const ch
     if (file->ascii && !plain)
         return cn_scan_token(scan, &token, &length)
                    ? CN_OK
-                   : cn_scan_fail(scan, "the line ends before all properties the header declares");
+                   : cn_scan_fail(scan, CN_FAULT_COUNT,
+                                  "the line ends before all properties the header declares");
     if (file->ascii) {
         if ((status = cn_scan_number(scan, what, value)) != CN_OK) return status;
         if (type < FLOAT && *value != floor(*value))
-            return cn_scan_fail(scan, "%s is %.9g: a whole number is needed", what, *value);
+            return cn_scan_fail(scan, CN_FAULT_TYPE, "%s is %.9g: a whole number is needed", what, *value);
         return CN_OK;
     }
     const size_t at = scan->at;
     const unsigned char *bytes = cn_scan_bytes(scan, (size_t)type_size[type]);
-    if (!bytes) return cn_scan_fail_at(scan, at, "the file ends within %s: it is cut short", what);
+    if (!bytes)
+        return cn_scan_fail_at(scan, CN_FAULT_CUT_SHORT, at, "the file ends within %s: it is cut short",
+                               what);
     const uint64_t bits = cn_scan_unsigned(scan, bytes, type_size[type]);
     switch (type) {
     case CHAR:
@@ -196,14 +205,16 @@ static cn_status read_value(const ply *file, ply_type type, bool plain, const ch
         *value = (double)bits;
     }
     if (plain && !isfinite(*value))
-        return cn_scan_fail_at(scan, at, "%s is %g: a finite number is needed", what, *value);
+        return cn_scan_fail_at(scan, CN_FAULT_NUMBER, at, "%s is %g: a finite number is needed", what,
+                               *value);
     return CN_OK;
 }
 
-static cn_status fail(const ply *file, size_t at, const char *what, double value, const char *needed)
+static cn_status fail(const ply *file, int fault, size_t at, const char *what, double value,
+                      const char *needed)
 {
-    if (file->ascii) return cn_scan_fail(file->scan, "%s is %.9g: %s", what, value, needed);
-    return cn_scan_fail_at(file->scan, at, "%s is %.9g: %s", what, value, needed);
+    if (file->ascii) return cn_scan_fail(file->scan, fault, "%s is %.9g: %s", what, value, needed);
+    return cn_scan_fail_at(file->scan, fault, at, "%s is %.9g: %s", what, value, needed);
 }
 
 /* One face's corners, into `corner` where it is not NULL. */
@@ -215,7 +226,8 @@ static cn_status read_corners(const ply *file, const ply_property *property, int
 
     if (status != CN_OK) return status;
     if (!(value >= 3 && value <= MOST_CORNERS))
-        return fail(file, at, "the face's count of corners", value, "between 3 and 65535 are needed");
+        return fail(file, CN_FAULT_COUNT, at, "the face's count of corners", value,
+                    "between 3 and 65535 are needed");
     *n = (int)value;
     for (int i = 0; i < *n; i++) {
         at = file->scan->at;
@@ -223,7 +235,7 @@ static cn_status read_corners(const ply *file, const ply_property *property, int
             return status;
         if (!corner) continue;
         if (!(value >= 0 && value < nvert))
-            return fail(file, at, "a face's vertex", value,
+            return fail(file, CN_FAULT_INDEX, at, "a face's vertex", value,
                         "it must be at least 0 and below the count of vertices");
         corner[i] = (int)value;
     }
@@ -239,7 +251,8 @@ static cn_status pass_over(const ply *file, const ply_property *property)
         const size_t at = file->scan->at;
         if ((status = read_value(file, property->count, true, "a list's count", &count)) != CN_OK)
             return status;
-        if (!(count >= 0)) return fail(file, at, "a list's count", count, "it cannot be negative");
+        if (!(count >= 0))
+            return fail(file, CN_FAULT_RANGE, at, "a list's count", count, "it cannot be negative");
     }
     for (double i = 0; i < count; i++)
         if ((status = read_value(file, property->type, false, "a property", &value)) != CN_OK) return status;
@@ -273,7 +286,7 @@ static cn_status read_row(const ply *file, const ply_element *element, int64_t r
             status = read_corners(file, property, mesh->nvert, mesh->corner, &n);
             if (status == CN_OK && surface &&
                 !cn_polygon_fan(surface->vert, n, mesh->corner, surface->tri + 3 * mesh->ntri))
-                status = fail(file, at, "a face's count of corners", n,
+                status = fail(file, CN_FAULT_UNREAD, at, "a face's count of corners", n,
                               "the polygon is neither flat nor convex; export triangles");
             mesh->ntri += n - 2;
             mesh->polygons += n > 3;
@@ -305,10 +318,11 @@ static cn_status check_count(const ply *file, const ply_element *element)
         least += file->ascii ? 2
                              : type_size[element->property[i].count ? element->property[i].count
                                                                     : element->property[i].type];
-    if (element->nproperty == 0 && element->n > 0) return cn_scan_fail(scan, "an element has no properties");
+    if (element->nproperty == 0 && element->n > 0)
+        return cn_scan_fail(scan, CN_FAULT_COUNT, "an element has no properties");
     if (least * (double)element->n <= (double)(scan->size - scan->at) + 1) return CN_OK;
     return cn_scan_fail(
-        scan,
+        scan, CN_FAULT_CUT_SHORT,
         "the header declares %lld rows of at least %g bytes, but %zu bytes are left: the file is "
         "cut short",
         (long long)element->n, least, scan->size - scan->at);
@@ -349,12 +363,14 @@ static cn_status check_roles(const ply *file)
             vertices += role == X || role == Y || role == Z;
             corners += role == CORNERS;
             if (role == CORNERS && vertices < 3)
-                return cn_scan_fail(file->scan,
+                return cn_scan_fail(file->scan, CN_FAULT_ORDER,
                                     "faces are declared before vertices: write the vertices first");
         }
-    if (vertices != 3) return cn_scan_fail(file->scan, "the header declares no vertices with x, y and z");
+    if (vertices != 3)
+        return cn_scan_fail(file->scan, CN_FAULT_MISSING, "the header declares no vertices with x, y and z");
     if (corners != 1)
-        return cn_scan_fail(file->scan, "the header declares no faces with a list vertex_indices");
+        return cn_scan_fail(file->scan, CN_FAULT_MISSING,
+                            "the header declares no faces with a list vertex_indices");
     return CN_OK;
 }
 
@@ -378,7 +394,7 @@ static cn_status read_body(const ply *file, ply_mesh *mesh)
     }
     if (file->ascii && cn_scan_line(scan)) return cn_scan_no_more(scan, "the last element");
     if (!file->ascii && scan->at < scan->size)
-        return cn_scan_fail_at(scan, scan->at,
+        return cn_scan_fail_at(scan, CN_FAULT_COUNT, scan->at,
                                "%zu bytes follow the last element: the header's counts are wrong",
                                scan->size - scan->at);
     return CN_OK;

@@ -29,7 +29,8 @@ static cn_status read_binary(cn_scan *scan, cn_surface **out, size_t n)
             const double value = cn_scan_real(scan, (const unsigned char *)scan->data + at, 4);
             if (!isfinite(value)) {
                 cn_surface_free(surface);
-                return cn_scan_fail_at(scan, at, "%s %c of facet %zu is %g: a finite number is needed",
+                return cn_scan_fail_at(scan, CN_FAULT_NUMBER, at,
+                                       "%s %c of facet %zu is %g: a finite number is needed",
                                        k < 3 ? "normal" : "corner", "xyz"[k % 3], i, value);
             }
             if (k >= 3) surface->vert[9 * i + k - 3] = value;
@@ -89,13 +90,15 @@ static cn_status read_ascii(cn_scan *scan, cn_surface **out)
             solids += !inside; /* the rest of the line is the solid's name */
             inside = !inside;
         } else {
-            status = cn_scan_fail(scan, "'%s' stands where '%s' should", cn_scan_quote(token, length).text,
-                                  inside ? "facet' or 'endsolid" : "solid");
+            status =
+                cn_scan_fail(scan, CN_FAULT_WORD, "'%s' stands where '%s' should",
+                             cn_scan_quote(token, length).text, inside ? "facet' or 'endsolid" : "solid");
             goto fail;
         }
     }
     if (inside) {
-        status = cn_scan_fail(scan, "the file ends before 'endsolid': it is cut short after %zu facets", n);
+        status = cn_scan_fail(scan, CN_FAULT_CUT_SHORT,
+                              "the file ends before 'endsolid': it is cut short after %zu facets", n);
         goto fail;
     }
     if (solids > 1) CN_LOG(CN_LOG_INFO, "%s: %zu solids are read as one surface", scan->path, solids);
@@ -118,15 +121,17 @@ cn_status cn_read_stl(cn_scan *scan, cn_surface **out)
         const bool ascii = cn_scan_is(token, length, "solid");
         if (ascii || scan->size < HEADER) {
             if (!ascii)
-                return cn_scan_fail(scan, "'%s' stands where 'solid' should: the file is no STL",
+                return cn_scan_fail(scan, CN_FAULT_FORMAT,
+                                    "'%s' stands where 'solid' should: the file is no STL",
                                     cn_scan_quote(token, length).text);
             cn_scan_rewind(scan);
             return read_ascii(scan, out);
         }
     }
     if (scan->size < HEADER)
-        return cn_scan_fail_at(scan, scan->size, "the file ends within its header of %d bytes", HEADER);
-    return cn_scan_fail_at(scan, 80,
+        return cn_scan_fail_at(scan, CN_FAULT_CUT_SHORT, scan->size,
+                               "the file ends within its header of %d bytes", HEADER);
+    return cn_scan_fail_at(scan, scan->size < HEADER + FACET * n ? CN_FAULT_CUT_SHORT : CN_FAULT_COUNT, 80,
                            "binary STL says %zu facets, that is %zu bytes, but the file has %zu: it is %s", n,
                            HEADER + FACET * n, scan->size,
                            scan->size < HEADER + FACET * n ? "cut short" : "longer than it says");

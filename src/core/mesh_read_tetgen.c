@@ -62,7 +62,8 @@ static cn_status read_counts(cn_scan *scan, const char *what, int n, int64_t cou
         if ((status = cn_scan_integer(scan, names[i], 0, 1000, count + i)) != CN_OK) return status;
     if ((status = cn_scan_no_more(scan, "the counts")) != CN_OK) return status;
     if (count[0] <= (int64_t)(scan->size - scan->at) / least + 1) return CN_OK;
-    return cn_scan_fail(scan, "%s is %lld, but only %zu bytes follow: the file is cut short", what,
+    return cn_scan_fail(scan, CN_FAULT_CUT_SHORT,
+                        "%s is %lld, but only %zu bytes follow: the file is cut short", what,
                         (long long)count[0], scan->size - scan->at);
 }
 
@@ -74,10 +75,12 @@ cn_status cn_read_tetgen(cn_scan *node, cn_scan *ele, cn_tets **out)
 
     node->comment = ele->comment = '#';
     if ((status = read_counts(node, "the number of nodes", 4, nodes, 8)) != CN_OK) return status;
-    if (nodes[1] != 3) return cn_scan_fail(node, "the dimension is %lld: 3 is needed", (long long)nodes[1]);
+    if (nodes[1] != 3)
+        return cn_scan_fail(node, CN_FAULT_COUNT, "the dimension is %lld: 3 is needed", (long long)nodes[1]);
     if ((status = read_counts(ele, "the number of tetrahedra", 3, tets, 10)) != CN_OK) return status;
     if (tets[1] != 4)
-        return cn_scan_fail(ele, "the tetrahedra have %lld nodes: 4 are needed (run tetgen without -o2)",
+        return cn_scan_fail(ele, CN_FAULT_COUNT,
+                            "the tetrahedra have %lld nodes: 4 are needed (run tetgen without -o2)",
                             (long long)tets[1]);
     if ((status = cn_tets_new(&mesh, (int)nodes[0], (int)tets[0])) != CN_OK) return status;
     if ((status = read_nodes(node, mesh, nodes[2] + nodes[3], &base)) != CN_OK) goto fail;

@@ -23,29 +23,29 @@ void cn_guess_unit(double size, char text[64])
 static cn_status refuse_broken(const cn_doctor *d, const char *name, cn_error *error)
 {
     if (d->degenerate)
-        return cn_fail(error, CN_ERR_MESH, NULL, 0,
+        return cn_fail(error, CN_FAULT_DEGENERATE, NULL, 0,
                        "%s: %d triangle%s without area, the first is triangle %d: collapse its shortest edge",
                        name, d->degenerate, d->degenerate == 1 ? "" : "s", d->first_degenerate);
     if (d->duplicate)
-        return cn_fail(error, CN_ERR_MESH, NULL, 0,
+        return cn_fail(error, CN_FAULT_DUPLICATE, NULL, 0,
                        "%s: %d triangle%s twice, the first pair is %d and %d: remove one", name, d->duplicate,
                        d->duplicate == 1 ? " stands" : "s stand", d->first_duplicate[0],
                        d->first_duplicate[1]);
     if (d->nonmanifold_edges)
         return cn_fail(
-            error, CN_ERR_MESH, NULL, 0,
+            error, CN_FAULT_NON_MANIFOLD, NULL, 0,
             "%s: %d edge%s of more than two triangles, the first joins vertices %d and %d: inside and "
             "outside are not defined there; remove the inner sheets",
             name, d->nonmanifold_edges, d->nonmanifold_edges == 1 ? "" : "s", d->first_nonmanifold[0],
             d->first_nonmanifold[1]);
     if (d->mixed_edges)
         return cn_fail(
-            error, CN_ERR_MESH, NULL, 0,
+            error, CN_FAULT_TURNED, NULL, 0,
             "%s: mixed orientation over %d edge%s, the first between triangles %d and %d: make the normals "
             "consistent",
             name, d->mixed_edges, d->mixed_edges == 1 ? "" : "s", d->first_mixed[0], d->first_mixed[1]);
     if (d->mixed_components)
-        return cn_fail(error, CN_ERR_MESH, NULL, 0,
+        return cn_fail(error, CN_FAULT_TURNED, NULL, 0,
                        "%s: mixed orientation, %d of its %d parts the other way round than the rest, one of "
                        "them that of "
                        "triangle %d: turn its normals",
@@ -85,7 +85,7 @@ cn_status cn_doctor_solid(const cn_doctor *d, const char *name, cn_error *error)
 
     if (status != CN_OK) return status;
     if (!d->closed)
-        return cn_fail(error, CN_ERR_MESH, NULL, 0,
+        return cn_fail(error, CN_FAULT_OPEN, NULL, 0,
                        "%s: open, with %d boundary loop%s, the first %.3g across at (%.4g, %.4g, %.4g): "
                        "close it, only a "
                        "closed surface can be filled",
@@ -94,20 +94,20 @@ cn_status cn_doctor_solid(const cn_doctor *d, const char *name, cn_error *error)
     if (d->crossing_pairs) {
         list_pairs(d, pairs, sizeof pairs);
         return cn_fail(
-            error, CN_ERR_MESH, NULL, 0,
+            error, CN_FAULT_CROSSING, NULL, 0,
             "%s: %d pair%s of triangles cross (%s): move their vertices apart, a surface that crosses itself "
             "cannot be filled",
             name, d->crossing_pairs, d->crossing_pairs == 1 ? "" : "s", pairs);
     }
     if (d->nonmanifold_vertices)
         return cn_fail(
-            error, CN_ERR_MESH, NULL, 0,
+            error, CN_FAULT_NON_MANIFOLD, NULL, 0,
             "%s: %d vert%s where several sheets meet in a point, the first is vertex %d: part them", name,
             d->nonmanifold_vertices, d->nonmanifold_vertices == 1 ? "ex" : "ices",
             d->first_nonmanifold_vertex);
     if (!(d->volume > 0))
-        return cn_fail(error, CN_ERR_MESH, NULL, 0, "%s: encloses a volume of %g: turn its normals outward",
-                       name, d->volume);
+        return cn_fail(error, CN_FAULT_TURNED, NULL, 0,
+                       "%s: encloses a volume of %g: turn its normals outward", name, d->volume);
     return CN_OK;
 }
 

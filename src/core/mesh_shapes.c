@@ -78,24 +78,26 @@ cn_status cn_tets_catheter(cn_tets **out, double length, double diameter, double
     cn_status status;
 
     if (!(length > 0 && length < INFINITY))
-        return cn_fail(error, CN_ERR_ARG, NULL, 0, "the catheter's length is %g: more than 0 is needed",
+        return cn_fail(error, CN_FAULT_VALUE, NULL, 0, "the catheter's length is %g: more than 0 is needed",
                        length);
     if (!(diameter > 0 && diameter < INFINITY))
-        return cn_fail(error, CN_ERR_ARG, NULL, 0, "the catheter's diameter is %g: more than 0 is needed",
+        return cn_fail(error, CN_FAULT_VALUE, NULL, 0, "the catheter's diameter is %g: more than 0 is needed",
                        diameter);
     if (!(inner_diameter >= 0 && inner_diameter < diameter))
-        return cn_fail(error, CN_ERR_ARG, NULL, 0,
+        return cn_fail(error, CN_FAULT_VALUE, NULL, 0,
                        "the catheter's inner diameter is %g: from 0 to below %g is needed", inner_diameter,
                        diameter);
     if (!(stations >= 2 && stations <= 1000000))
-        return cn_fail(error, CN_ERR_ARG, NULL, 0, "the catheter has %d stations: 2 to 1000000 are needed",
-                       stations);
+        return cn_fail(error, CN_FAULT_VALUE, NULL, 0,
+                       "the catheter has %d stations: 2 to 1000000 are needed", stations);
     if (!(sides >= 3 && sides <= 256))
-        return cn_fail(error, CN_ERR_ARG, NULL, 0, "the catheter has %d sides: 3 to 256 are needed", sides);
+        return cn_fail(error, CN_FAULT_VALUE, NULL, 0, "the catheter has %d sides: 3 to 256 are needed",
+                       sides);
     const bool hollow = inner_diameter > 0;
     const int per = hollow ? 2 * sides : sides + 1, rings = hollow ? 2 : 1;
     if ((double)stations * sides * (hollow ? 6 : 3) > INT_MAX / 4)
-        return cn_fail(error, CN_ERR_ARG, NULL, 0, "%d stations of %d sides are too many", stations, sides);
+        return cn_fail(error, CN_FAULT_VALUE, NULL, 0, "%d stations of %d sides are too many", stations,
+                       sides);
     if ((status = cn_tets_new(&tets, stations * per, (stations - 1) * sides * (hollow ? 6 : 3))) != CN_OK)
         return cn_fail(error, status, NULL, 0, "out of memory for a catheter of %d stations", stations);
     for (int j = 0; j < stations; j++) {
@@ -128,15 +130,15 @@ cn_status cn_tets_beam(cn_tets **out, const double size[3], const int cells[3], 
 
     for (int k = 0; k < 3; k++) {
         if (!(size[k] > 0 && size[k] < INFINITY))
-            return cn_fail(error, CN_ERR_ARG, NULL, 0,
+            return cn_fail(error, CN_FAULT_VALUE, NULL, 0,
                            "the beam's size along %c is %g: more than 0 is needed", "xyz"[k], size[k]);
         if (!(cells[k] >= 1 && cells[k] <= 100000))
-            return cn_fail(error, CN_ERR_ARG, NULL, 0,
+            return cn_fail(error, CN_FAULT_VALUE, NULL, 0,
                            "the beam has %d cells along %c: 1 to 100000 are needed", cells[k], "xyz"[k]);
     }
     const int ny = cells[1] + 1, nz = cells[2] + 1;
     if ((cells[0] + 1.0) * ny * nz * 6 > INT_MAX / 4)
-        return cn_fail(error, CN_ERR_ARG, NULL, 0, "a beam of %d x %d x %d cells is too large", cells[0],
+        return cn_fail(error, CN_FAULT_VALUE, NULL, 0, "a beam of %d x %d x %d cells is too large", cells[0],
                        cells[1], cells[2]);
     if ((status = cn_tets_new(&tets, (cells[0] + 1) * ny * nz, 6 * cells[0] * cells[1] * cells[2])) != CN_OK)
         return cn_fail(error, status, NULL, 0, "out of memory for a beam of %d x %d x %d cells", cells[0],

@@ -168,14 +168,14 @@ static cn_status drive_geometry(cn_model_body *out, cn_error *error)
             out->control[out->ncontrol++] = i;
     for (int i = 0; !drive->control_all && i < drive->ncontrol; i++) {
         if (drive->control[i] < 0 || drive->control[i] >= body->nnode)
-            return cn_fail(error, CN_ERR_SCENE, NULL, 0,
+            return cn_fail(error, CN_FAULT_UNNAMED, NULL, 0,
                            "body %s: control node %d: the mesh has nodes 0 to %d", out->spec->name,
                            drive->control[i], body->nnode - 1);
         out->control[out->ncontrol++] = drive->control[i];
     }
     if (out->ncontrol == 0)
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0, "body %s: drive.control selects no node: widen its box",
-                       out->spec->name);
+        return cn_fail(error, CN_FAULT_NOTHING, NULL, 0,
+                       "body %s: drive.control selects no node: widen its box", out->spec->name);
     for (int i = 0; i < out->ncontrol; i++) {
         cn_axpy(body->mass[out->control[i]], body->rest + 3 * out->control[i], centre);
         mass += body->mass[out->control[i]];
@@ -183,7 +183,7 @@ static cn_status drive_geometry(cn_model_body *out, cn_error *error)
     for (int k = 0; k < 3; k++)
         centre[k] = mass > 0 ? centre[k] / mass : body->rest[3 * out->control[0] + k];
     if (drive->goal_node >= body->nnode)
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0, "body %s: goal_node %d: the mesh has nodes 0 to %d",
+        return cn_fail(error, CN_FAULT_UNNAMED, NULL, 0, "body %s: goal_node %d: the mesh has nodes 0 to %d",
                        out->spec->name, drive->goal_node, body->nnode - 1);
     out->goal_node = drive->goal_node >= 0 ? drive->goal_node
                      : out->catheter       ? 0
@@ -346,7 +346,7 @@ static cn_status build_body(cn_model_body *out, const cn_world *world, unsigned 
     for (int i = 0; i < body->nnode; i++)
         nfixed += out->fixed[i];
     if (spec->fixed.set && nfixed == 0) {
-        status = cn_fail(error, CN_ERR_SCENE, NULL, 0,
+        status = cn_fail(error, CN_FAULT_NOTHING, NULL, 0,
                          "body %s: `fixed` box [%g %g %g] to [%g %g %g] holds no node: move or widen it",
                          spec->name, spec->fixed.box[0][0], spec->fixed.box[0][1], spec->fixed.box[0][2],
                          spec->fixed.box[1][0], spec->fixed.box[1][1], spec->fixed.box[1][2]);

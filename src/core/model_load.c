@@ -99,7 +99,7 @@ cn_status cn_model_load(const cn_model_body *out, const cn_load *load, cn_nodal_
     if (!nodal->force) goto done;
     if ((status = find_carriers(&c, body, load->box)) != CN_OK) goto done;
     if (!(c.total > 0)) {
-        status = cn_fail(error, CN_ERR_SCENE, NULL, 0,
+        status = cn_fail(error, CN_FAULT_NOTHING, NULL, 0,
                          "body %s: the load's box [%g %g %g] to [%g %g %g] holds no node: move or widen it",
                          out->spec->name, low[0], low[1], low[2], high[0], high[1], high[2]);
         goto done;
@@ -111,7 +111,7 @@ cn_status cn_model_load(const cn_model_body *out, const cn_load *load, cn_nodal_
             cn_axpy(c.share[i] / c.total, load->moment, nodal->force + 3 * (body->nnode + i));
     } else if (cn_norm2(load->moment) > 0 && !add_moment(&c, body, load->moment, nodal->force)) {
         status =
-            cn_fail(error, CN_ERR_SCENE, NULL, 0,
+            cn_fail(error, CN_FAULT_NOTHING, NULL, 0,
                     "body %s: the nodes in the load's box [%g %g %g] to [%g %g %g] lie on a line and cannot "
                     "take a moment: widen it",
                     out->spec->name, low[0], low[1], low[2], high[0], high[1], high[2]);

@@ -23,7 +23,7 @@ cn_status cn_model_surface(cn_surface **out, const cn_shape *shape, cn_error *er
         status = cn_surface_read(&surface, shape->file, error);
         break;
     default:
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0,
+        return cn_fail(error, CN_FAULT_UNSUITED, NULL, 0,
                        "a body cannot be a plane or a tube: give a file, catheter, beam, sphere or box");
     }
     if (status == CN_OK) cn_place_points(&shape->placement, surface->nvert, surface->vert);

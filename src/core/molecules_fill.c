@@ -66,7 +66,7 @@ static cn_status lay(lattice *l, const cn_tree *walls, double volume, double rad
     for (int k = 0; k < 3; k++)
         sites *= fmax(1, rint((max[k] - min[k]) / l->h));
     if (!(expected <= CN_MOLECULES_MAX && sites <= 16.0 * CN_MOLECULES_MAX))
-        return cn_fail(error, CN_ERR_ARG, "", 0,
+        return cn_fail(error, CN_FAULT_VALUE, "", 0,
                        "molecules of radius %g m: about %.3g would fill the shape, %d are the most: take a "
                        "radius of at least %.3g m",
                        radius, expected, CN_MOLECULES_MAX,
@@ -179,7 +179,7 @@ static cn_status keep_largest(lattice *l, int *n, double radius, cn_error *error
     cn_status status = CN_OK;
     if (size[most] < LARGEST_MIN * *n)
         status =
-            cn_fail(error, CN_ERR_MESH, "", 0,
+            cn_fail(error, CN_FAULT_APART, "", 0,
                     "the molecules of radius %g m fall into %d groups that no link joins, the largest of "
                     "%d out of %d: take a smaller radius, so that two layers fit everywhere",
                     radius, groups, size[most], *n);
@@ -269,7 +269,7 @@ cn_status cn_packing_fill(cn_packing **out, const cn_surface *surface, double vo
     cn_packing *p = NULL;
     *out = NULL;
     if (!(radius > 0 && radius <= 1e300))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "the radius of molecules is %g m; it must be positive",
+        return cn_fail(error, CN_FAULT_VALUE, "", 0, "the radius of molecules is %g m; it must be positive",
                        radius);
     cn_status status = cn_tree_new(&walls, surface->ntri, surface->tri, surface->vert);
     if (status == CN_OK) status = lay(&l, walls, volume, radius, error);
@@ -277,7 +277,7 @@ cn_status cn_packing_fill(cn_packing **out, const cn_surface *surface, double vo
     const int inside = mark_inside(&l, walls);
     int n = prune(&l, inside);
     if (n == 0) {
-        status = cn_fail(error, CN_ERR_MESH, "", 0,
+        status = cn_fail(error, CN_FAULT_UNIT, "", 0,
                          "molecules of radius %g m do not fill the shape: of %d inside none is held by its "
                          "neighbours: take a radius of %.3g m or less",
                          radius, inside, fmin(0.5 * radius, 0.2 * cbrt(volume)));

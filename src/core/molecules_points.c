@@ -125,7 +125,7 @@ cn_status cn_molecules_hang(int nnode, const double *rest, double spacing, int n
         }
         if (!found) {
             status =
-                cn_fail(error, CN_ERR_MESH, "", 0,
+                cn_fail(error, CN_FAULT_UNIT, "", 0,
                         "the molecules nearest to the surface's vertex %d at (%.4g, %.4g, %.4g) lie in a "
                         "plane, which cannot carry it: take a smaller radius, so that two layers fit",
                         i, p[0], p[1], p[2]);

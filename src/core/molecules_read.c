@@ -49,7 +49,7 @@ static cn_status read_line(cn_scan *scan, list *l, bool *own, double radius)
     if (*own) {
         if ((status = cn_scan_number(scan, "the radius", &radius)) != CN_OK) return status;
         if (!(radius > 0 && radius <= 1e300))
-            return cn_scan_fail(scan, "the radius is %g m: it must be positive", radius);
+            return cn_scan_fail(scan, CN_FAULT_RANGE, "the radius is %g m: it must be positive", radius);
     }
     l->radius[l->n] = radius, l->line[l->n++] = scan->line;
     return cn_scan_no_more(scan, *own ? "the radius" : "z (the first line has no radius)");
@@ -61,11 +61,13 @@ static cn_status read_list(cn_scan *scan, list *l, double radius)
     cn_status status;
     scan->comment = '#';
     while (cn_scan_line(scan)) {
-        if (l->n == CN_MOLECULES_MAX) return cn_scan_fail(scan, "more than %d molecules", CN_MOLECULES_MAX);
+        if (l->n == CN_MOLECULES_MAX)
+            return cn_scan_fail(scan, CN_FAULT_TOO_MANY, "more than %d molecules", CN_MOLECULES_MAX);
         if (l->n == l->room && (status = grow(l)) != CN_OK) return status;
         if ((status = read_line(scan, l, &own, radius)) != CN_OK) return status;
     }
-    return l->n >= 2 ? CN_OK : cn_scan_fail(scan, "%d molecule(s): a body needs at least 2", l->n);
+    return l->n >= 2 ? CN_OK
+                     : cn_scan_fail(scan, CN_FAULT_NO_MESH, "%d molecule(s): a body needs at least 2", l->n);
 }
 
 cn_status cn_point_tree_new(cn_tree **out, int **corner, int n, const double *point)
@@ -110,12 +112,12 @@ static cn_status join(cn_packing *p, const list *l, const cn_tree *tree, const c
             if (!(apart < REACH * sum)) continue;
             if (!(apart > APART_MIN * sum)) {
                 status =
-                    cn_fail(error, CN_ERR_MESH, path, l->line[j],
+                    cn_fail(error, CN_FAULT_OVERLAP, path, l->line[j],
                             "the molecule lies where that of line %d does: move or remove it", l->line[i]);
                 goto done;
             }
             if (p->nlink >= most) {
-                status = cn_fail(error, CN_ERR_MESH, path, l->line[i],
+                status = cn_fail(error, CN_FAULT_OVERLAP, path, l->line[i],
                                  "molecules overlap so far that each has more than %d neighbours within 1.5 "
                                  "times the sum of their radii: give smaller radii",
                                  2 * LINKS_MOST);
@@ -147,7 +149,7 @@ static cn_status all_joined(const cn_packing *p, const list *l, const char *path
         cn_set_join(parent, p->link[2 * (size_t)b], p->link[2 * (size_t)b + 1]);
     for (int i = 1; i < p->n && status == CN_OK; i++)
         if (cn_set_find(parent, i) != cn_set_find(parent, 0))
-            status = cn_fail(error, CN_ERR_MESH, path, l->line[i],
+            status = cn_fail(error, CN_FAULT_APART, path, l->line[i],
                              "no link joins the molecule to that of line %d: links reach 1.5 times the sum "
                              "of two radii; give larger radii or a body of its own",
                              l->line[0]);
@@ -166,7 +168,7 @@ cn_status cn_packing_read(cn_packing **out, const char *path, double radius, con
     double mean = 0;
     *out = NULL;
     if (!(radius > 0 && radius <= 1e300))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "the radius of molecules is %g m; it must be positive",
+        return cn_fail(error, CN_FAULT_VALUE, "", 0, "the radius of molecules is %g m; it must be positive",
                        radius);
     cn_status status = cn_scan_open(&scan, path, error);
     if (status != CN_OK) return status;

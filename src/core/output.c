@@ -48,7 +48,7 @@ cn_status cn_output_open(cn_output *output, const char *path, cn_error *error)
             if (output->temporary) unlink(output->temporary);
         }
         close_all(output);
-        return cn_fail(error, CN_ERR_FILE, path, 0, "cannot be written: %s", strerror(cause));
+        return cn_fail(error, cn_fault_file(cause), path, 0, "cannot be written: %s", strerror(cause));
     }
     const locale_t c_locale = newlocale(LC_ALL_MASK, "C", (locale_t)0);
     if (c_locale) output->locale = (void *)uselocale(c_locale);
@@ -68,7 +68,7 @@ cn_status cn_output_commit(cn_output *output, cn_error *error)
     cn_status status = CN_OK;
     if (failed) {
         if (output->temporary) unlink(output->temporary);
-        status = cn_fail(error, CN_ERR_FILE, output->path, 0, "cannot be written: %s",
+        status = cn_fail(error, cn_fault_file(cause), output->path, 0, "cannot be written: %s",
                          cause ? strerror(cause) : "the disk may be full");
     }
     close_all(output);

@@ -125,15 +125,17 @@ static cn_status check(const cn_plan_query *query, cn_roadmap *roadmap, cn_error
     if (!query->world->map) return cn_fail(error, CN_ERR_ARG, NULL, 0, "planning needs the world's map");
     if (!(query->radius >= 0 && query->radius < INFINITY && spec->clearance >= 0 &&
           spec->clearance < INFINITY))
-        return cn_fail(error, CN_ERR_ARG, NULL, 0, "radius and clearance must be finite and not negative");
-    if (!(spec->max_turn > 0)) return cn_fail(error, CN_ERR_ARG, NULL, 0, "max_turn must be above 0");
-    if (query->npoint < 2) return cn_fail(error, CN_ERR_ARG, NULL, 0, "a path needs a start and a waypoint");
+        return cn_fail(error, CN_FAULT_VALUE, NULL, 0,
+                       "radius and clearance must be finite and not negative");
+    if (!(spec->max_turn > 0)) return cn_fail(error, CN_FAULT_VALUE, NULL, 0, "max_turn must be above 0");
+    if (query->npoint < 2)
+        return cn_fail(error, CN_FAULT_TOO_FEW, NULL, 0, "a path needs a start and a waypoint");
     if (spec->region == CN_REGION_BAND && !wall_named(query->world, spec->band_surface))
-        return cn_fail(error, CN_ERR_ARG, NULL, 0, "path.region.band: no surface is named \"%s\"",
+        return cn_fail(error, CN_FAULT_OPTION, NULL, 0, "path.region.band: no surface is named \"%s\"",
                        spec->band_surface ? spec->band_surface : "");
     for (int i = 0; i < 3 * query->npoint; i++)
         if (!isfinite(query->point[i]))
-            return cn_fail(error, CN_ERR_ARG, NULL, 0, "%s is not finite", point_name(i / 3, text));
+            return cn_fail(error, CN_FAULT_VALUE, NULL, 0, "%s is not finite", point_name(i / 3, text));
     for (int i = 0; i < query->npoint; i++) {
         const double *p = query->point + 3 * i, room = cn_plan_clearance(query, p, need);
         const char *why = NULL;

@@ -97,7 +97,7 @@ static cn_status check(const cn_path_spec *spec, cn_error *error)
         const cn_deviation *d = &spec->deviation[i];
         if (!(isfinite(d->amplitude) && d->wavelength > 0 && d->wavelength < INFINITY && isfinite(d->phase) &&
               isfinite(cn_norm(d->normal))))
-            return cn_fail(error, CN_ERR_ARG, NULL, 0,
+            return cn_fail(error, CN_FAULT_VALUE, NULL, 0,
                            "path.deviation %d: wavelength must be above 0 and every number finite", i);
     }
     return CN_OK;
@@ -123,7 +123,7 @@ cn_status cn_plan_deviate(cn_path **path, const cn_plan_query *query, cn_error *
     /* points: 32 a wavelength, at least the old path's number, the same ends of legs */
     const double h = fmin(shortest / 32, length / old->n);
     if (!(length / h < 1e6))
-        return cn_fail(error, CN_ERR_ARG, NULL, 0,
+        return cn_fail(error, CN_FAULT_VALUE, NULL, 0,
                        "path.deviation: the wavelength is too short for the path");
     if (!(waypoint = malloc((size_t)old->nwaypoint * sizeof *waypoint))) goto memory;
     for (int leg = 0, from = 0; leg < old->nwaypoint; from = old->waypoint[leg++]) {

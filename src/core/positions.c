@@ -10,7 +10,7 @@ cn_status cn_positions_read(const char *path, int n, double *x, cn_error *error)
     scan.comment = '#';
     while (status == CN_OK && cn_scan_line(&scan)) {
         if (read == n) {
-            status = cn_scan_fail(&scan, "more than the %d positions of the body's nodes", n);
+            status = cn_scan_fail(&scan, CN_FAULT_COUNT, "more than the %d positions of the body's nodes", n);
             break;
         }
         for (int k = 0; k < 3 && status == CN_OK; k++)
@@ -19,7 +19,7 @@ cn_status cn_positions_read(const char *path, int n, double *x, cn_error *error)
         read++;
     }
     if (status == CN_OK && read < n)
-        status = cn_scan_fail(&scan, "%d positions, and the body has %d nodes", read, n);
+        status = cn_scan_fail(&scan, CN_FAULT_COUNT, "%d positions, and the body has %d nodes", read, n);
     cn_scan_close(&scan);
     return status;
 }

@@ -95,14 +95,14 @@ static const char *reduce_name(cn_reduce reduce)
 
 static json_t *verdict(const cn_verdict *v)
 {
-    return json_pack("{s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "code",
-                     cn_verdict_name(v->code), "message", text(v->message), "quantity",
-                     v->has_quantity ? text(cn_quantity_name(v->quantity)) : json_null(), "value",
-                     v->has_quantity ? number(v->value) : json_null(), "limit",
-                     v->has_quantity ? number(v->limit) : json_null(), "body",
-                     *v->body ? text(v->body) : json_null(), "element", index_or_null(v->element), "position",
-                     place(v->position), "step", index_or_null(v->step), "time", number(v->time), "waypoint",
-                     index_or_null(v->waypoint));
+    return json_pack(
+        "{s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "code", cn_verdict_name(v->code),
+        "fault", v->fault ? json_string(cn_fault_name(v->fault)) : json_null(), "message", text(v->message),
+        "quantity", v->has_quantity ? text(cn_quantity_name(v->quantity)) : json_null(), "value",
+        v->has_quantity ? number(v->value) : json_null(), "limit",
+        v->has_quantity ? number(v->limit) : json_null(), "body", *v->body ? text(v->body) : json_null(),
+        "element", index_or_null(v->element), "position", place(v->position), "step", index_or_null(v->step),
+        "time", number(v->time), "waypoint", index_or_null(v->waypoint));
 }
 
 static json_t *times(const cn_report *r)

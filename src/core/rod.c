@@ -167,7 +167,7 @@ static cn_status check(int nnode, const double *axis, const double normal[3], co
     cn_status status = cn_body_check_material(material, true, error);
     if (status != CN_OK) return status;
     if (!(nnode >= 2 && nnode <= 100000000))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "a rod has %d nodes: 2 to 100000000 are needed", nnode);
+        return cn_fail(error, CN_FAULT_VALUE, "", 0, "a rod has %d nodes: 2 to 100000000 are needed", nnode);
     double first[3];
     for (int s = 0; s + 1 < nnode; s++) {
         const double length = cn_distance(axis + 3 * (size_t)s, axis + 3 * (size_t)(s + 1));

@@ -15,7 +15,7 @@ static cn_status check_skin(const cn_body *body, const cn_tets *skin, const int 
     if (status != CN_OK) return status;
     if (skin->mid) return cn_fail(error, CN_ERR_ARG, "", 0, "a rod's skin is of linear tetrahedra");
     if (per < 1 || skin->nnode % n != 0)
-        return cn_fail(error, CN_ERR_ARG, "", 0,
+        return cn_fail(error, CN_FAULT_VALUE, "", 0,
                        "a skin of %d nodes cannot ride on a rod of %d: a multiple is needed", skin->nnode, n);
     for (int p = 0; ride && p < skin->nnode; p++)
         if (ride[p] < 0 || ride[p] >= n)

@@ -47,6 +47,8 @@ static void refuse(cn_run_data *run, cn_status status)
             ? CN_VERDICT_NUMERICS
             : CN_VERDICT_BAD_INPUT;
     if (status == CN_ERR_TIMEOUT) run->report->reproducible = false;
+    if (code == CN_VERDICT_BAD_INPUT)
+        run->report->verdict.fault = run->error.fault ? run->error.fault : 100 * (int)status;
     if (run->error.file[0] && run->error.line > 0)
         cn_run_verdict(run, code, "%s:%d: %s", run->error.file, run->error.line, said);
     else if (run->error.file[0])
@@ -94,7 +96,7 @@ static cn_status no_equilibrium(cn_run_data *run)
         char loose[512];
         loose_motion(run, b, sizeof loose, loose);
         if (!loose[0] || run->world->nwall > 0 || run->spec[b].nwaypoint > 0) continue;
-        return cn_fail(&run->error, CN_ERR_SCENE, run->scene->path, 0,
+        return cn_fail(&run->error, CN_FAULT_NEEDED, run->scene->path, 0,
                        "%s has no equilibrium: %s; hold it (`fixed`) or give it a density", run->spec[b].name,
                        loose);
     }

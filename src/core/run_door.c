@@ -70,23 +70,23 @@ cn_status cn_run_specs(cn_run_data *run)
     if (request->seed) run->seed = *request->seed;
     if (request->budget > 0) run->budget = request->budget;
     if (scene->nbody == 0)
-        return cn_fail(&run->error, CN_ERR_SCENE, scene->path, 0,
+        return cn_fail(&run->error, CN_FAULT_NEEDED, scene->path, 0,
                        "the scene has no body to plan for: add one under `bodies`");
     cn_body_spec *device = &run->spec[0];
     if (request->sampling) device->path.sampling = *request->sampling;
     for (int i = 0; i < request->nlimit; i++)
         if (!(request->limit[i].limit >= 0))
-            return cn_fail(&run->error, CN_ERR_ARG, NULL, 0,
+            return cn_fail(&run->error, CN_FAULT_VALUE, NULL, 0,
                            "limit on %s is %g: give a number that is not negative",
                            cn_quantity_name(request->limit[i].quantity), request->limit[i].limit);
     if (request->waypoint) {
         if (request->nwaypoint < 2)
-            return cn_fail(&run->error, CN_ERR_ARG, NULL, 0,
+            return cn_fail(&run->error, CN_FAULT_TOO_FEW, NULL, 0,
                            "%d waypoint%s given: the first is the entry, so at least two are needed",
                            request->nwaypoint, request->nwaypoint == 1 ? "" : "s");
         for (int i = 0; i < 3 * request->nwaypoint; i++)
             if (!isfinite(request->waypoint[i]))
-                return cn_fail(&run->error, CN_ERR_ARG, NULL, 0,
+                return cn_fail(&run->error, CN_FAULT_VALUE, NULL, 0,
                                "waypoint %d has coordinate %c = %g: give finite metres", i / 3, 'x' + i % 3,
                                request->waypoint[i]);
         const size_t n = 3 * (size_t)(request->nwaypoint - 1);
@@ -105,7 +105,7 @@ cn_status cn_run_specs(cn_run_data *run)
 
 static cn_status unsupported(cn_run_data *run, const char *who, const char *what, const char *instead)
 {
-    return cn_fail(&run->error, CN_ERR_SCENE, run->scene->path, 0,
+    return cn_fail(&run->error, CN_FAULT_UNSUITED, run->scene->path, 0,
                    "%s: %s is not available in this version: %s", who, what, instead);
 }
 
@@ -155,7 +155,7 @@ cn_status cn_run_explicit(cn_run_data *run)
         const double stable = 0.9 * cn_molecules_stable_step(body, body->rest, run->pool),
                      n = run->model->dt / stable;
         if (!(n <= CN_SUBSTEPS_MAX))
-            return cn_fail(&run->error, CN_ERR_SCENE, run->scene->path, 0,
+            return cn_fail(&run->error, CN_FAULT_UNSUITED, run->scene->path, 0,
                            "%s: explicit steps of its springs are stable up to %.3g s, and one of %g s would "
                            "take %.3g of them: use integrator: euler",
                            run->spec[b].name, stable, run->model->dt, n);
@@ -171,7 +171,7 @@ static cn_status must_be_free(cn_run_data *run, const double p[3], double near, 
     if (cn_world_free_at(run->world, p)) return CN_OK;
     const double d = cn_world_distance(run->world, p, NULL, NULL, NULL);
     if (d <= near) return CN_OK;
-    return cn_fail(&run->error, CN_ERR_ARG, NULL, 0,
+    return cn_fail(&run->error, CN_FAULT_PLACE, NULL, 0,
                    "%s [%g %g %g] m lies outside the free space, %g m from the nearest wall: move it inside",
                    what, p[0], p[1], p[2], d);
 }

@@ -123,7 +123,7 @@ static cn_status long_enough(cn_run_data *run, const cn_body_spec *spec, const c
                  way = cn_path_length(path) + spec->shape.catheter.inserted;
     if (!sheath || way <= length) return CN_OK;
     return cn_fail(
-        &run->error, CN_ERR_SCENE, run->scene->path, 0,
+        &run->error, CN_FAULT_AT_ODDS, run->scene->path, 0,
         "%s is %.4g m long and its way to the last waypoint %.4g m: it would leave its sheath; give it more "
         "length",
         spec->name, length, way);

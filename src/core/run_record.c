@@ -347,6 +347,7 @@ void cn_report_refused(cn_report *report, const cn_scene *scene, const cn_error 
                             .limit = NAN,
                             .time = NAN,
                             .position = {NAN, NAN, NAN}};
+    if (error) verdict->fault = error->fault;
     if (error && error->file[0] && error->line > 0)
         snprintf(verdict->message, sizeof verdict->message, "%s:%d: %s", error->file, error->line,
                  error->message);

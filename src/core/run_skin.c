@@ -34,7 +34,7 @@ done:
 
 static cn_status refuse(cn_run_data *run, int b, const char *what)
 {
-    return cn_fail(&run->error, CN_ERR_SCENE, run->scene->path, 0, "%s: %s", run->spec[b].name, what);
+    return cn_fail(&run->error, CN_FAULT_UNSUITED, run->scene->path, 0, "%s: %s", run->spec[b].name, what);
 }
 
 cn_status cn_run_skin_read(cn_run_data *run, int b)
@@ -129,7 +129,7 @@ cn_status cn_run_skin_hang(cn_run_data *run, int b)
     }
     if (status == CN_OK && !(own->skin->reach <= model->size))
         return cn_fail(
-            &run->error, CN_ERR_SCENE, spec->skin_file ? spec->skin_file : run->scene->path, 0,
+            &run->error, CN_FAULT_AT_ODDS, spec->skin_file ? spec->skin_file : run->scene->path, 0,
             "the skin of %s reaches %.3g m away from it, and it is %.3g m large: both must be in one "
             "place and unit",
             spec->name, own->skin->reach, model->size);

@@ -13,7 +13,7 @@
 static cn_status check_nodes(struct cn_reader *reader, int node, const char *key, double nodes)
 {
     if (nodes <= MOST_NODES) return CN_OK;
-    return cn_reader_refuse(reader, node, key,
+    return cn_reader_refuse(reader, CN_FAULT_TOO_LARGE, node, key,
                             "they make a mesh of %.0f nodes, and at most %d fit into memory (about 10 kB "
                             "each): make it coarser",
                             nodes, MOST_NODES);
@@ -23,13 +23,15 @@ cn_status cn_check_catheter(struct cn_reader *reader, int node, void *base)
 {
     const cn_shape *shape = base;
     if (!(shape->catheter.inner_diameter < shape->catheter.diameter))
-        return cn_reader_refuse(reader, node, "inner_diameter", "%.10g m is not below the diameter, %.10g m",
-                                shape->catheter.inner_diameter, shape->catheter.diameter);
+        return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "inner_diameter",
+                                "%.10g m is not below the diameter, %.10g m", shape->catheter.inner_diameter,
+                                shape->catheter.diameter);
     if (!(shape->catheter.inserted <= shape->catheter.length))
-        return cn_reader_refuse(reader, node, "inserted", "%.10g m is more than the length, %.10g m",
-                                shape->catheter.inserted, shape->catheter.length);
+        return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "inserted",
+                                "%.10g m is more than the length, %.10g m", shape->catheter.inserted,
+                                shape->catheter.length);
     if (shape->catheter.has_core && !(shape->catheter.core_diameter <= shape->catheter.diameter))
-        return cn_reader_refuse(reader, node, "core",
+        return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "core",
                                 "its diameter, %.10g m, is above the catheter's, %.10g m",
                                 shape->catheter.core_diameter, shape->catheter.diameter);
     const double per = shape->catheter.inner_diameter > 0 ? 2.0 * shape->catheter.sides /* two rings */
@@ -48,8 +50,9 @@ cn_status cn_check_box(struct cn_reader *reader, int node, void *base)
     const cn_shape *shape = base;
     for (int i = 0; i < 3; i++)
         if (!(shape->box.min[i] < shape->box.max[i]))
-            return cn_reader_refuse(reader, node, "max", "its %c, %.10g, is not above the one of min, %.10g",
-                                    "xyz"[i], shape -> box.max[i], shape->box.min[i]);
+            return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "max",
+                                    "its %c, %.10g, is not above the one of min, %.10g", "xyz"[i],
+                                    shape -> box.max[i], shape->box.min[i]);
     return CN_OK;
 }
 
@@ -57,15 +60,18 @@ cn_status cn_check_tube(struct cn_reader *reader, int node, void *base)
 {
     const cn_shape *shape = base;
     if (shape->tube.nradius != 1 && shape->tube.nradius != shape->tube.naxis)
-        return cn_reader_refuse(reader, node, "radius", "%d of them for %d points: give one, or one a point",
-                                shape->tube.nradius, shape->tube.naxis);
+        return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "radius",
+                                "%d of them for %d points: give one, or one a point", shape->tube.nradius,
+                                shape->tube.naxis);
     for (int i = 1; i < shape->tube.naxis; i++)
         if (!memcmp(&shape->tube.axis[3 * i], &shape->tube.axis[3 * i - 3], 3 * sizeof(double)))
-            return cn_reader_refuse(reader, node, "axis", "points %d and %d are the same", i - 1, i);
+            return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "axis", "points %d and %d are the same",
+                                    i - 1, i);
     for (int i = 0; i < shape->tube.nradius; i++)
         if (!(shape->tube.thickness < shape->tube.radius[i]))
-            return cn_reader_refuse(reader, node, "thickness", "%.10g m is not below the radius, %.10g m",
-                                    shape->tube.thickness, shape->tube.radius[i]);
+            return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "thickness",
+                                    "%.10g m is not below the radius, %.10g m", shape->tube.thickness,
+                                    shape->tube.radius[i]);
     return CN_OK;
 }
 
@@ -77,10 +83,11 @@ cn_status cn_check_wall(struct cn_reader *reader, int node, void *base)
     const bool membrane = wall->model == CN_WALL_MEMBRANE;
     for (int i = 0; i < (membrane ? 5 : 4); i++)
         if (cn_yaml_find(&reader->tree, node, needed[i]) < 0)
-            return cn_reader_refuse(reader, node, NULL, "a %s wall needs the key \"%s\"",
+            return cn_reader_refuse(reader, CN_FAULT_NEEDED, node, NULL, "a %s wall needs the key \"%s\"",
                                     membrane ? "membrane" : "shell", needed[i]);
     if (membrane && !(wall->foundation > 0))
-        return cn_reader_refuse(reader, node, "foundation", "a membrane needs one above 0 Pa/m");
+        return cn_reader_refuse(reader, CN_FAULT_NEEDED, node, "foundation",
+                                "a membrane needs one above 0 Pa/m");
     return CN_OK;
 }
 
@@ -90,9 +97,10 @@ cn_status cn_check_obstacle(struct cn_reader *reader, int node, void *base)
     const bool moves = obstacle->npath > 0,
                soft = obstacle->deformable || obstacle->wall.model != CN_WALL_RIGID;
     if (moves && soft)
-        return cn_reader_refuse(reader, node, "path", "only a rigid obstacle moves along a path");
+        return cn_reader_refuse(reader, CN_FAULT_UNSUITED, node, "path",
+                                "only a rigid obstacle moves along a path");
     if (soft && obstacle->shape.kind == CN_SHAPE_PLANE)
-        return cn_reader_refuse(reader, node, NULL, "a plane is rigid: it has no end");
+        return cn_reader_refuse(reader, CN_FAULT_UNSUITED, node, NULL, "a plane is rigid: it has no end");
     if (obstacle->model == CN_BODY_AUTO) obstacle->model = CN_BODY_TET4;
     return CN_OK;
 }
@@ -102,7 +110,7 @@ cn_status cn_check_limit(struct cn_reader *reader, int node, void *base)
     const cn_limit *limit = base;
     if (limit->reduce == CN_REDUCE_MEAN && limit->quantity != CN_QUANTITY_VOLUME &&
         limit->quantity != CN_QUANTITY_STRESS)
-        return cn_reader_refuse(reader, node, "reduce", "%s has no mean, only a max",
+        return cn_reader_refuse(reader, CN_FAULT_UNSUITED, node, "reduce", "%s has no mean, only a max",
                                 cn_quantity_name(limit->quantity));
     return CN_OK;
 }
@@ -111,10 +119,10 @@ cn_status cn_check_load(struct cn_reader *reader, int node, void *base)
 {
     const cn_load *load = base;
     if (cn_yaml_find(&reader->tree, node, "force") < 0 && cn_yaml_find(&reader->tree, node, "moment") < 0)
-        return cn_reader_refuse(reader, node, NULL, "a load needs a force or a moment");
+        return cn_reader_refuse(reader, CN_FAULT_NEEDED, node, NULL, "a load needs a force or a moment");
     if (!(load->until > load->from))
-        return cn_reader_refuse(reader, node, "until", "%.10g s is not after from, %.10g s", load->until,
-                                load->from);
+        return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "until", "%.10g s is not after from, %.10g s",
+                                load->until, load->from);
     return CN_OK;
 }
 
@@ -122,12 +130,12 @@ cn_status cn_check_path(struct cn_reader *reader, int node, void *base)
 {
     const cn_path_spec *path = base;
     if (path->region == CN_REGION_BAND && !(path->band_min < path->band_max))
-        return cn_reader_refuse(reader, node, "region",
+        return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "region",
                                 "the band's max, %.10g m, is not above its min, %.10g m", path->band_max,
                                 path->band_min);
     for (int i = 0; i < 3; i++)
         if (path->region == CN_REGION_BOX && !(path->box[0][i] <= path->box[1][i]))
-            return cn_reader_refuse(reader, node, "region",
+            return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "region",
                                     "the box's max %c, %.10g, is below its min, %.10g", "xyz"[i],
                                     path -> box[1][i], path -> box[0][i]);
     return CN_OK;
@@ -139,14 +147,15 @@ cn_status cn_check_body(struct cn_reader *reader, int node, void *base)
     const bool catheter = body->shape.kind == CN_SHAPE_CATHETER;
     if (body->model == CN_BODY_AUTO && !catheter) body->model = CN_BODY_TET4;
     if (body->model == CN_BODY_ROD && !catheter && body->shape.kind != CN_SHAPE_BEAM)
-        return cn_reader_refuse(reader, node, "model",
+        return cn_reader_refuse(reader, CN_FAULT_UNSUITED, node, "model",
                                 "a rod needs an axis: the shape must be a catheter or a beam");
     for (int i = 0; i < body->material.nregion; i++)
         if (!body->material.region[i].by_box && !catheter)
-            return cn_reader_refuse(reader, node, "material",
+            return cn_reader_refuse(reader, CN_FAULT_UNSUITED, node, "material",
                                     "region %d is given along the axis, but only a catheter has one", i);
     if (body->deadline < INFINITY && body->nwaypoint == 0)
-        return cn_reader_refuse(reader, node, "deadline", "there are no waypoints to reach by it");
+        return cn_reader_refuse(reader, CN_FAULT_NEEDED, node, "deadline",
+                                "there are no waypoints to reach by it");
     return CN_OK;
 }
 
@@ -181,7 +190,7 @@ static cn_status check_integrator(struct cn_reader *reader, int node, const cn_s
     const char *const name = names[scene->solver.integrator];
     if (scene->solver.integrator == CN_INTEGRATOR_EULER) return CN_OK;
     cn_reader_enter(reader, "solver");
-#define REFUSE(...) cn_reader_refuse(reader, solver, "integrator", __VA_ARGS__)
+#define REFUSE(...) cn_reader_refuse(reader, CN_FAULT_UNSUITED, solver, "integrator", __VA_ARGS__)
     if (scene->solver.newton == 1)
         return REFUSE("the paper's single solve (newton: 1) is Euler's, not one of %s", name);
     if (scene->leave_out.inertia == CN_ON)
@@ -234,14 +243,14 @@ static cn_status check_names(struct cn_reader *reader, int node, const cn_scene 
     for (int i = 0; i < k && status == CN_OK; i++) {
         const int at = control_character(named[i].name);
         if (at >= 0)
-            status = cn_reader_refuse(reader, named[i].node, "name",
+            status = cn_reader_refuse(reader, CN_FAULT_NAME, named[i].node, "name",
                                       "a control character or line end (byte %d) stands in it", at);
     }
     qsort(named, (size_t)k, sizeof *named, by_name);
     for (int i = 1; i < k && status == CN_OK; i++)
         if (!strcmp(named[i].name, named[i - 1].name))
-            status = cn_reader_refuse(reader, named[i].node, "name", "\"%s\" is already another's name",
-                                      named[i].name);
+            status = cn_reader_refuse(reader, CN_FAULT_NAME, named[i].node, "name",
+                                      "\"%s\" is already another's name", named[i].name);
     free(named);
     return status;
 }
@@ -263,8 +272,9 @@ cn_status cn_check_scene(struct cn_reader *reader, int node, void *base)
     cn_status status;
 
     if (!(scene->step <= scene->time_limit))
-        return cn_reader_refuse(reader, node, "step", "%.10g s is longer than the time limit, %.10g s",
-                                scene->step, scene->time_limit);
+        return cn_reader_refuse(reader, CN_FAULT_AT_ODDS, node, "step",
+                                "%.10g s is longer than the time limit, %.10g s", scene->step,
+                                scene->time_limit);
     if ((status = check_names(reader, node, scene)) != CN_OK) return status;
     if ((status = check_integrator(reader, node, scene)) != CN_OK) return status;
     for (int i = 0; i < scene->nbody; i++, entry = reader->tree.node[entry].next) {
@@ -278,7 +288,7 @@ cn_status cn_check_scene(struct cn_reader *reader, int node, void *base)
         if ((int)path->sampling == CN_AUTO)
             path->sampling = scene->nvessel ? CN_SAMPLING_MEDIAL_AXIS : CN_SAMPLING_UNIFORM;
         if (path->region == CN_REGION_BAND && !has_surface(scene, path->band_surface))
-            return cn_reader_refuse(reader, entry, "path",
+            return cn_reader_refuse(reader, CN_FAULT_UNNAMED, entry, "path",
                                     "the band's surface \"%s\" is no vessel or obstacle", path->band_surface);
     }
     return CN_OK;

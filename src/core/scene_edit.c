@@ -177,8 +177,8 @@ static cn_status verify(const char *path, const char *name, int nwaypoint, const
                           (body->shape.kind != CN_SHAPE_CATHETER ||
                            !memcmp(body->shape.catheter.entry, waypoint, 3 * sizeof(double)));
         if (!same)
-            status =
-                cn_fail(error, CN_ERR_SCENE, name, 0, "the waypoints cannot be put into this scene's text");
+            status = cn_fail(error, CN_FAULT_UNSUITED, name, 0,
+                             "the waypoints cannot be put into this scene's text");
     }
     cn_scene_free(scene);
     return status;
@@ -191,7 +191,7 @@ static cn_status whole_file(const char *path, char **out, size_t *length, cn_err
     *out = NULL;
     if (!file || fstat(fileno(file), &info) || !S_ISREG(info.st_mode) || info.st_size > CN_YAML_BYTES) {
         if (file) fclose(file);
-        return cn_fail(error, CN_ERR_FILE, path, 0, "the scene cannot be read");
+        return cn_fail(error, CN_FAULT_ACCESS, path, 0, "the scene cannot be read");
     }
     if ((*out = malloc((size_t)info.st_size + 1))) *length = fread(*out, 1, (size_t)info.st_size, file);
     fclose(file);
@@ -209,24 +209,24 @@ cn_status cn_scene_write_waypoints(const char *from, const char *to, int nwaypoi
     size_t length = 0;
     cn_status status;
 
-    if (nwaypoint < 2) return cn_fail(error, CN_ERR_ARG, to, 0, "at least two waypoints are needed");
+    if (nwaypoint < 2) return cn_fail(error, CN_FAULT_TOO_FEW, to, 0, "at least two waypoints are needed");
     if ((status = cn_scene_read(&scene, from, 0, NULL, error)) != CN_OK) return status;
     const int n = scene->nbody > 0 && scene->body[0].shape.kind == CN_SHAPE_CATHETER ? 2 : 1;
     cn_scene_free(scene);
     if ((status = whole_file(from, &text, &length, error)) != CN_OK) return status;
     if (length >= 2 && (!memcmp(text, "\xff\xfe", 2) || !memcmp(text, "\xfe\xff", 2)))
-        status = cn_fail(error, CN_ERR_PARSE, from, 0, "the scene is not UTF-8: save it as UTF-8 first");
+        status = cn_fail(error, CN_FAULT_SYNTAX, from, 0, "the scene is not UTF-8: save it as UTF-8 first");
     else if ((status = find_places(text, length, n, places)) != CN_OK)
         cn_fail(error, status, from, 0, "the scene cannot be read again");
     for (int i = 0; i < n && status == CN_OK; i++)
         if (!places[i].map_found)
-            status = cn_fail(error, CN_ERR_SCENE, from, 0, "the scene has no body to take waypoints");
+            status = cn_fail(error, CN_FAULT_NEEDED, from, 0, "the scene has no body to take waypoints");
     if (status == CN_OK && (status = cn_output_open(&output, to, error)) == CN_OK) {
         write_text(output.file, text, length, n, places, nwaypoint, waypoint);
         if (!output.temporary)
-            status = cn_fail(error, CN_ERR_FILE, to, 0, "is there and is no file");
+            status = cn_fail(error, CN_FAULT_NO_FILE, to, 0, "is there and is no file");
         else if (fflush(output.file))
-            status = cn_fail(error, CN_ERR_FILE, to, 0, "cannot be written: the disk may be full");
+            status = cn_fail(error, CN_FAULT_ACCESS, to, 0, "cannot be written: the disk may be full");
         else
             status = verify(output.temporary, to, nwaypoint, waypoint, error);
         if (status == CN_OK)

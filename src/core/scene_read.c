@@ -96,7 +96,7 @@ static cn_status refuse_unknown(reader_t *r, const cn_schema *schema, int child)
     const cn_key *nearest = schema->keys;
     for (const cn_key *key = schema->keys; key->name; key++)
         if (edits(word, key->name) < edits(word, nearest->name)) nearest = key;
-    return cn_reader_fail(r, CN_ERR_PARSE, child, "unknown key \"%.60s\"; the nearest known key is \"%s\"",
+    return cn_reader_fail(r, CN_FAULT_KEY, child, "unknown key \"%.60s\"; the nearest known key is \"%s\"",
                           word, nearest->name);
 }
 
@@ -108,7 +108,7 @@ static cn_status read_missing(reader_t *r, const cn_schema *schema, const int *g
     char expected[160];
 
     if (key->flags & CN_REQUIRED)
-        return cn_reader_fail(r, CN_ERR_PARSE, node, "the key \"%s\" is missing: expected %s", key->name,
+        return cn_reader_fail(r, CN_FAULT_MISSING, node, "the key \"%s\" is missing: expected %s", key->name,
                               cn_key_expected(key, sizeof expected, expected));
     if (key->group) {
         char names[128] = "";
@@ -119,7 +119,7 @@ static cn_status read_missing(reader_t *r, const cn_schema *schema, const int *g
                      schema->keys[i].name);
         }
         if (key->flags & CN_NEEDED)
-            return cn_reader_fail(r, CN_ERR_PARSE, node, "expected one of the keys %s", names);
+            return cn_reader_fail(r, CN_FAULT_MISSING, node, "expected one of the keys %s", names);
     }
     if (key->flags & CN_UNSET) return CN_OK;
     return read_default(r, key, node, base);
@@ -137,7 +137,7 @@ static cn_status read_map(reader_t *r, const cn_schema *schema, int node, void *
         for (const cn_key *key = schema->keys; key->name && strlen(names) < 160; key++)
             snprintf(names + strlen(names), sizeof names - strlen(names), "%s%s", *names ? ", " : "",
                      key->name);
-        return cn_reader_fail(r, CN_ERR_PARSE, node, "expected a map with keys such as %s", names);
+        return cn_reader_fail(r, CN_FAULT_TYPE, node, "expected a map with keys such as %s", names);
     }
     for (int child = r->tree.node[node].first; child >= 0; child = r->tree.node[child].next) {
         int ikey = 0;
@@ -146,11 +146,11 @@ static cn_status read_map(reader_t *r, const cn_schema *schema, int node, void *
         const cn_key *key = &schema->keys[ikey];
         if (!key->name) return refuse_unknown(r, schema, child);
         if (given[ikey] >= 0)
-            return cn_reader_fail(r, CN_ERR_PARSE, child, "the key \"%s\" was already given in line %d",
+            return cn_reader_fail(r, CN_FAULT_TWICE, child, "the key \"%s\" was already given in line %d",
                                   key->name, r->tree.node[given[ikey]].line);
         for (int i = 0; key->group && schema->keys[i].name; i++)
             if (given[i] >= 0 && schema->keys[i].group == key->group)
-                return cn_reader_fail(r, CN_ERR_SCENE, child,
+                return cn_reader_fail(r, CN_FAULT_EXCLUSIVE, child,
                                       "\"%s\" and \"%s\" exclude each other: give one", key->name,
                                       schema->keys[i].name);
         given[ikey] = child;
@@ -179,17 +179,19 @@ static cn_status read_bytes(const char *path, char **out, size_t *length, cn_err
     if (!file || fstat(fileno(file), &info)) {
         const int cause = errno;
         if (file) fclose(file);
-        return cn_fail(error, CN_ERR_FILE, path, 0, "the scene cannot be opened: %s", strerror(cause));
+        return cn_fail(error, cn_fault_file(cause), path, 0, "the scene cannot be opened: %s",
+                       strerror(cause));
     }
     cn_status status = CN_OK;
     if (!S_ISREG(info.st_mode))
-        status = cn_fail(error, CN_ERR_FILE, path, 0, "the scene is not a file");
+        status = cn_fail(error, CN_FAULT_NO_FILE, path, 0, "the scene is not a file");
     else if (info.st_size > CN_YAML_BYTES)
-        status = cn_fail(error, CN_ERR_FILE, path, 0, "the scene is larger than 16 MiB");
+        status = cn_fail(error, CN_FAULT_LARGE, path, 0, "the scene is larger than 16 MiB");
     else if (!(bytes = malloc((size_t)info.st_size + 1)))
         status = CN_ERR_MEMORY;
     else if ((*length = fread(bytes, 1, (size_t)info.st_size, file)) < (size_t)info.st_size && ferror(file))
-        status = cn_fail(error, CN_ERR_FILE, path, 0, "the scene cannot be read: %s", strerror(errno));
+        status =
+            cn_fail(error, cn_fault_file(errno), path, 0, "the scene cannot be read: %s", strerror(errno));
     fclose(file);
     if (status == CN_OK)
         *out = bytes;

@@ -19,13 +19,13 @@ struct cn_reader {
 size_t cn_reader_enter(struct cn_reader *reader, const char *name);
 void cn_reader_leave(struct cn_reader *reader, size_t length);
 
-cn_status cn_reader_fail(struct cn_reader *reader, cn_status status, int node, const char *format, ...)
+cn_status cn_reader_fail(struct cn_reader *reader, int fault, int node, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
 cn_status cn_reader_expected(struct cn_reader *reader, const cn_key *key,
                              int node); /* "expected X, found Y" */
-/* A contradiction at `key` of the map (or at the map itself where it is not given). */
-cn_status cn_reader_refuse(struct cn_reader *reader, int node, const char *key, const char *format, ...)
-    __attribute__((format(printf, 4, 5)));
+/* A fault of CN_ERR_SCENE at `key` of the map (or at the map itself where it is not given). */
+cn_status cn_reader_refuse(struct cn_reader *reader, int fault, int node, const char *key, const char *format,
+                           ...) __attribute__((format(printf, 5, 6)));
 
 /* A value that is neither map nor list of maps, into its field of the struct at `base`. */
 cn_status cn_reader_value(struct cn_reader *reader, const cn_key *key, int node, void *base);

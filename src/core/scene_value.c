@@ -15,16 +15,16 @@
 typedef struct cn_reader reader_t;
 
 /* --- refusals --- */
-static cn_status refuse_at(reader_t *r, cn_status status, int node, const char *sentence)
+static cn_status refuse_at(reader_t *r, int fault, int node, const char *sentence)
 {
     const cn_yaml_node *n = &r->tree.node[node];
-    if (n->setting < 0) return cn_fail(r->error, status, r->file, n->line, "%s", sentence);
+    if (n->setting < 0) return cn_fail(r->error, fault, r->file, n->line, "%s", sentence);
     const cn_setting *setting = &r->setting[n->setting];
-    return cn_fail(r->error, status, r->file, 0, "setting %.80s=%.80s: %s", setting->key, setting->value,
+    return cn_fail(r->error, fault, r->file, 0, "setting %.80s=%.80s: %s", setting->key, setting->value,
                    sentence);
 }
 
-cn_status cn_reader_fail(reader_t *r, cn_status status, int node, const char *format, ...)
+cn_status cn_reader_fail(reader_t *r, int fault, int node, const char *format, ...)
 {
     char sentence[400];
     int length = snprintf(sentence, sizeof sentence, "%.120s: ", *r->where ? r->where : "the scene");
@@ -32,26 +32,7 @@ cn_status cn_reader_fail(reader_t *r, cn_status status, int node, const char *fo
     va_start(arguments, format);
     vsnprintf(sentence + length, sizeof sentence - (size_t)length, format, arguments);
     va_end(arguments);
-    return refuse_at(r, status, node, sentence);
-}
-
-/* "expected X, found Y" */
-cn_status cn_reader_expected(reader_t *r, const cn_key *key, int node)
-{
-    static const char *const kinds[] = {"", "a list", "a map"}, *const empty[] = {"", "an empty list",
-                                                                                  "an empty map"};
-    const cn_yaml_node *n = &r->tree.node[node];
-    char expected[160], found[61];
-    cn_key_expected(key, sizeof expected, expected);
-    if (n->kind != CN_YAML_SCALAR)
-        return cn_reader_fail(r, CN_ERR_PARSE, node, "expected %s, found %s", expected,
-                              n->count == 0 ? empty[n->kind] : kinds[n->kind]);
-    if (n->length == 0) return cn_reader_fail(r, CN_ERR_PARSE, node, "expected %s, found nothing", expected);
-    snprintf(found, sizeof found, "%s", cn_yaml_text(&r->tree, node));
-    for (char *c = found; *c; c++)
-        if ((unsigned char)*c < ' ') *c = '?'; /* one line */
-    return cn_reader_fail(r, CN_ERR_PARSE, node, "expected %s, found %s%s%s", expected,
-                          n->plain ? "" : "the text \"", found, n->plain ? "" : "\"");
+    return refuse_at(r, fault, node, sentence);
 }
 
 size_t cn_reader_enter(reader_t *r, const char *name)
@@ -66,7 +47,7 @@ void cn_reader_leave(reader_t *r, size_t length)
     r->where[length] = 0;
 }
 
-cn_status cn_reader_refuse(reader_t *r, int node, const char *key, const char *format, ...)
+cn_status cn_reader_refuse(reader_t *r, int fault, int node, const char *key, const char *format, ...)
 {
     char sentence[300];
     const int child = key ? cn_yaml_find(&r->tree, node, key) : -1;
@@ -75,7 +56,7 @@ cn_status cn_reader_refuse(reader_t *r, int node, const char *key, const char *f
     va_start(arguments, format);
     vsnprintf(sentence, sizeof sentence, format, arguments);
     va_end(arguments);
-    const cn_status status = cn_reader_fail(r, CN_ERR_SCENE, child < 0 ? node : child, "%s", sentence);
+    const cn_status status = cn_reader_fail(r, fault, child < 0 ? node : child, "%s", sentence);
     cn_reader_leave(r, outer);
     return status;
 }
@@ -136,6 +117,45 @@ static bool in_range(const cn_key *key, double value)
            (key->flags & CN_BELOW ? value < key->high : value <= key->high);
 }
 
+/* What is wrong with a value that its key does not take. */
+static int unexpected(const reader_t *r, const cn_key *key, int node)
+{
+    const cn_yaml_node *n = &r->tree.node[node];
+    const bool list = key->type == CN_KEY_LIST || (key->type >= CN_KEY_VECTOR && key->type <= CN_KEY_CONTROL);
+    double value;
+    if (n->kind == CN_YAML_LIST && list)
+        return key->type == CN_KEY_RANGE && n->count == 2 ? CN_FAULT_RANGE : CN_FAULT_COUNT;
+    if (n->kind != CN_YAML_SCALAR) return CN_FAULT_TYPE;
+    if (n->length == 0) return CN_FAULT_MISSING;
+    if (key->type == CN_KEY_CHOICE || key->type == CN_KEY_FLAG) return CN_FAULT_CHOICE;
+    if (key->type == CN_KEY_TEXT || key->type == CN_KEY_FILE) return CN_FAULT_RANGE; /* its length */
+    if (!parse_number(r, node, false, &value))
+        return n->plain ? cn_fault_number(cn_yaml_text(&r->tree, node)) : CN_FAULT_TYPE;
+    if ((list && n->key >= 0 && key->type != CN_KEY_REALS) || key->type == CN_KEY_MAP)
+        return CN_FAULT_TYPE;                                     /* a number, for a list or map */
+    return in_range(key, value) ? CN_FAULT_TYPE : CN_FAULT_RANGE; /* a fraction, for a whole number */
+}
+
+/* "expected X, found Y" */
+cn_status cn_reader_expected(reader_t *r, const cn_key *key, int node)
+{
+    static const char *const kinds[] = {"", "a list", "a map"}, *const empty[] = {"", "an empty list",
+                                                                                  "an empty map"};
+    const cn_yaml_node *n = &r->tree.node[node];
+    const int fault = unexpected(r, key, node);
+    char expected[160], found[61];
+    cn_key_expected(key, sizeof expected, expected);
+    if (n->kind != CN_YAML_SCALAR)
+        return cn_reader_fail(r, fault, node, "expected %s, found %s", expected,
+                              n->count == 0 ? empty[n->kind] : kinds[n->kind]);
+    if (n->length == 0) return cn_reader_fail(r, fault, node, "expected %s, found nothing", expected);
+    snprintf(found, sizeof found, "%s", cn_yaml_text(&r->tree, node));
+    for (char *c = found; *c; c++)
+        if ((unsigned char)*c < ' ') *c = '?'; /* one line */
+    return cn_reader_fail(r, fault, node, "expected %s, found %s%s%s", expected,
+                          n->plain ? "" : "the text \"", found, n->plain ? "" : "\"");
+}
+
 static cn_status read_real(reader_t *r, const cn_key *key, int node, double *out)
 {
     if (key->flags & CN_MAY_AUTO && is_word(r, node, "auto")) return *out = NAN, CN_OK;
@@ -173,7 +193,7 @@ static cn_status read_text(reader_t *r, const cn_key *key, int node, char **out)
         return cn_reader_expected(r, key, node);
     for (int i = 0; i < n->length; i++)
         if ((unsigned char)text[i] < ' ' || text[i] == 127)
-            return cn_reader_fail(r, CN_ERR_PARSE, node, "a control character (byte %d) stands in it", i);
+            return cn_reader_fail(r, CN_FAULT_SYNTAX, node, "a control character (byte %d) stands in it", i);
     return (*out = strdup(text)) ? CN_OK : CN_ERR_MEMORY;
 }
 
@@ -194,9 +214,10 @@ static cn_status read_file(reader_t *r, const cn_key *key, int node, char **out)
     if (!(*out = path)) return CN_ERR_MEMORY;
     struct stat info;
     if (stat(path, &info) || access(path, R_OK))
-        return cn_reader_fail(r, CN_ERR_FILE, node, "expected a file, but %.180s: %s", path, strerror(errno));
+        return cn_reader_fail(r, cn_fault_file(errno), node, "expected a file, but %.180s: %s", path,
+                              strerror(errno));
     if (!S_ISREG(info.st_mode))
-        return cn_reader_fail(r, CN_ERR_FILE, node, "expected a file, but %.180s is none", path);
+        return cn_reader_fail(r, CN_FAULT_NO_FILE, node, "expected a file, but %.180s is none", path);
     return CN_OK;
 }
 
@@ -231,7 +252,7 @@ static cn_status read_unit(reader_t *r, const cn_key *key, int node, double out[
     cn_status status = read_reals(r, key, node, 3, out);
     if (status != CN_OK) return status;
     const double largest = fmax(fabs(out[0]), fmax(fabs(out[1]), fabs(out[2])));
-    if (!(largest > 0)) return cn_reader_fail(r, CN_ERR_PARSE, node, "a direction must not be zero");
+    if (!(largest > 0)) return cn_reader_fail(r, CN_FAULT_RANGE, node, "a direction must not be zero");
     for (int i = 0; i < 3; i++)
         out[i] /= largest; /* so that no square over- or underflows */
     cn_normalise(out);
@@ -249,7 +270,7 @@ static cn_status read_box(reader_t *r, const cn_key *key, int node, double (*out
     }
     for (i = 0; i < 3; i++)
         if (out[0][i] > out[1][i])
-            return cn_reader_fail(r, CN_ERR_SCENE, node,
+            return cn_reader_fail(r, CN_FAULT_AT_ODDS, node,
                                   "the lower corner's %c, %.10g, is above the upper one's, %.10g", "xyz"[i],
                                   out[0][i], out[1][i]);
     return CN_OK;
@@ -262,7 +283,7 @@ static cn_status read_many(reader_t *r, const cn_key *key, int node, double **ou
     if (n->kind != CN_YAML_LIST && !one) return cn_reader_expected(r, key, node);
     const int number = one ? 1 : n->count, width = points ? 3 : 1;
     if (number < (points ? key->low : 1))
-        return cn_reader_fail(r, CN_ERR_PARSE, node, "the list is too short");
+        return cn_reader_fail(r, CN_FAULT_COUNT, node, "the list is too short");
     if (number == 0) return CN_OK;
     if (!(*out = calloc((size_t)number * (size_t)width, sizeof **out))) return CN_ERR_MEMORY;
     *count = number;
@@ -285,14 +306,14 @@ static cn_status read_control(reader_t *r, const cn_key *key, int node, cn_drive
         drive->control_all = !strcmp(cn_yaml_text(&r->tree, node), "all");
         return drive->control_all ? CN_OK : cn_reader_expected(r, key, node);
     }
-    if (n->count == 0) return cn_reader_fail(r, CN_ERR_PARSE, node, "the list of driven nodes is empty");
+    if (n->count == 0) return cn_reader_fail(r, CN_FAULT_COUNT, node, "the list of driven nodes is empty");
     if (!(drive->control = calloc((size_t)n->count, sizeof *drive->control))) return CN_ERR_MEMORY;
     drive->ncontrol = n->count;
     int i = 0;
     for (int child = n->first; child >= 0; child = r->tree.node[child].next, i++) {
         double value;
         if (!parse_number(r, child, true, &value) || !(value >= 0 && value <= INT_MAX))
-            return cn_reader_fail(r, CN_ERR_PARSE, child, "expected a node index >= 0");
+            return cn_reader_fail(r, CN_FAULT_RANGE, child, "expected a node index >= 0");
         drive->control[i] = (int)value;
     }
     return CN_OK;

@@ -74,9 +74,9 @@ typedef struct {
     cn_error *error;
 } builder;
 
-static cn_status refuse(const builder *b, int line, const char *what)
+static cn_status refuse(const builder *b, int fault, int line, const char *what)
 {
-    return cn_fail(b->error, CN_ERR_PARSE, b->file, b->setting < 0 ? line : 0, "%s", what);
+    return cn_fail(b->error, fault, b->file, b->setting < 0 ? line : 0, "%s", what);
 }
 
 /* Takes a scalar, or opens a map or list. */
@@ -87,14 +87,15 @@ static cn_status take(builder *b, cn_yaml_kind kind, int line, size_t length, co
     const bool in_map = parent >= 0 && tree->node[parent].kind == CN_YAML_MAP;
 
     if (in_map && b->key < 0) { /* a key comes first */
-        if (kind != CN_YAML_SCALAR) return refuse(b, line, "a key must be a word, not a list or a map");
-        if (memchr(text, 0, length)) return refuse(b, line, "a key holds a zero byte");
+        if (kind != CN_YAML_SCALAR)
+            return refuse(b, CN_FAULT_SYNTAX, line, "a key must be a word, not a list or a map");
+        if (memchr(text, 0, length)) return refuse(b, CN_FAULT_SYNTAX, line, "a key holds a zero byte");
         if ((b->key = add_text(tree, length, text)) < 0) return CN_ERR_MEMORY;
         b->key_line = line;
         return CN_OK;
     }
     if (kind != CN_YAML_SCALAR && b->depth == CN_YAML_DEPTH)
-        return refuse(b, line, "lists and maps are nested deeper than 32 levels");
+        return refuse(b, CN_FAULT_TOO_MANY, line, "lists and maps are nested deeper than 32 levels");
     const int at = b->setting >= 0 ? b->line : in_map ? b->key_line : line;
     const int node = add_node(tree, kind, at, b->setting);
     if (node < 0) return CN_ERR_MEMORY;
@@ -125,23 +126,26 @@ static cn_status take_event(builder *b, const yaml_event_t *event, bool *end)
         *end = true;
         return CN_OK;
     case YAML_DOCUMENT_START_EVENT:
-        return b->root >= 0 ? refuse(b, line, "a second document begins here; a scene is one document")
+        return b->root >= 0 ? refuse(b, CN_FAULT_UNREAD, line,
+                                     "a second document begins here; a scene is one document")
                             : CN_OK;
     case YAML_ALIAS_EVENT:
-        return refuse(b, line, "aliases are not used here: write the value out");
+        return refuse(b, CN_FAULT_UNREAD, line, "aliases are not used here: write the value out");
     case YAML_SCALAR_EVENT:
-        if (event->data.scalar.anchor) return refuse(b, line, "anchors are not used here");
-        if (event->data.scalar.tag) return refuse(b, line, "tags are not used here");
+        if (event->data.scalar.anchor) return refuse(b, CN_FAULT_UNREAD, line, "anchors are not used here");
+        if (event->data.scalar.tag) return refuse(b, CN_FAULT_UNREAD, line, "tags are not used here");
         return take(b, CN_YAML_SCALAR, line, event->data.scalar.length,
                     (const char *)event->data.scalar.value,
                     event->data.scalar.style == YAML_PLAIN_SCALAR_STYLE);
     case YAML_SEQUENCE_START_EVENT:
-        if (event->data.sequence_start.anchor) return refuse(b, line, "anchors are not used here");
-        if (event->data.sequence_start.tag) return refuse(b, line, "tags are not used here");
+        if (event->data.sequence_start.anchor)
+            return refuse(b, CN_FAULT_UNREAD, line, "anchors are not used here");
+        if (event->data.sequence_start.tag) return refuse(b, CN_FAULT_UNREAD, line, "tags are not used here");
         return take(b, CN_YAML_LIST, line, 0, "", false);
     case YAML_MAPPING_START_EVENT:
-        if (event->data.mapping_start.anchor) return refuse(b, line, "anchors are not used here");
-        if (event->data.mapping_start.tag) return refuse(b, line, "tags are not used here");
+        if (event->data.mapping_start.anchor)
+            return refuse(b, CN_FAULT_UNREAD, line, "anchors are not used here");
+        if (event->data.mapping_start.tag) return refuse(b, CN_FAULT_UNREAD, line, "tags are not used here");
         return take(b, CN_YAML_MAP, line, 0, "", false);
     case YAML_SEQUENCE_END_EVENT:
     case YAML_MAPPING_END_EVENT:
@@ -162,7 +166,7 @@ static cn_status refuse_syntax(const builder *b, const yaml_parser_t *parser, si
         for (size_t i = 0; i < length && i < parser->problem_offset; i++)
             line += text[i] == '\n';
     }
-    return cn_fail(b->error, CN_ERR_PARSE, b->file, b->setting < 0 ? (int)line : 0,
+    return cn_fail(b->error, CN_FAULT_SYNTAX, b->file, b->setting < 0 ? (int)line : 0,
                    "not readable as YAML: %s%s%s", parser->problem ? parser->problem : "malformed",
                    parser->context ? ", " : "", parser->context ? parser->context : "");
 }
@@ -249,12 +253,12 @@ cn_status cn_yaml_set(cn_yaml *tree, int root, int isetting, const cn_setting *s
 
     if (status == CN_ERR_MEMORY) return status;
     if (status != CN_OK)
-        return cn_fail(error, status, file, 0, "setting %.100s=%.100s: %.280s", setting->key, setting->value,
-                       inner.message);
+        return cn_fail(error, inner.fault, file, 0, "setting %.100s=%.100s: %.280s", setting->key,
+                       setting->value, inner.message);
     for (;; depth++) {
         const size_t length = strcspn(rest, ".");
         if (length == 0 || length >= sizeof word || depth > CN_YAML_DEPTH)
-            return cn_fail(error, CN_ERR_PARSE, file, 0,
+            return cn_fail(error, CN_FAULT_SYNTAX, file, 0,
                            "setting %.200s: expected a key path such as bodies.0.model", setting->key);
         memcpy(word, rest, length);
         word[length] = 0;
@@ -262,7 +266,7 @@ cn_status cn_yaml_set(cn_yaml *tree, int root, int isetting, const cn_setting *s
         if (tree->node[at].kind == CN_YAML_LIST) {
             if ((child = list_entry(tree, at, word)) < 0)
                 return cn_fail(
-                    error, CN_ERR_PARSE, file, 0,
+                    error, CN_FAULT_INDEX, file, 0,
                     "setting %.200s: no entry \"%s\" in a list of %d; name one by index (from 0) or by "
                     "its name",
                     setting->key, word, tree->node[at].count);
@@ -274,14 +278,14 @@ cn_status cn_yaml_set(cn_yaml *tree, int root, int isetting, const cn_setting *s
                 add_child(tree, at, child);
             }
         } else
-            return cn_fail(error, CN_ERR_PARSE, file, 0,
+            return cn_fail(error, CN_FAULT_TYPE, file, 0,
                            "setting %.200s: what stands before \"%s\" is a plain value", setting->key, word);
         at = child;
         if (!rest[length]) break;
         rest += length + 1;
     }
     if (depth + depth_below(tree, value) > CN_YAML_DEPTH)
-        return cn_fail(error, CN_ERR_PARSE, file, 0, "setting %.200s: nested deeper than 32 levels",
+        return cn_fail(error, CN_FAULT_TOO_MANY, file, 0, "setting %.200s: nested deeper than 32 levels",
                        setting->key);
     replace(tree, at, value);
     return CN_OK;

@@ -25,14 +25,14 @@ static cn_status out_of_memory(cn_error *error)
 static cn_status check_surface(const cn_surface *s, cn_error *error)
 {
     if (!s || s->nvert < 1 || s->ntri < 1)
-        return cn_fail(error, CN_ERR_MESH, "", 0, "a skin needs triangles, and this surface has none");
+        return cn_fail(error, CN_FAULT_NO_PARTS, "", 0, "a skin needs triangles, and this surface has none");
     for (size_t i = 0; i < 3 * (size_t)s->nvert; i++)
         if (!isfinite(s->vert[i]))
             return cn_fail(error, CN_ERR_NOT_FINITE, "", 0,
                            "vertex %zu of the skin has coordinate %g: give finite metres", i / 3, s->vert[i]);
     for (size_t i = 0; i < 3 * (size_t)s->ntri; i++)
         if (s->tri[i] < 0 || s->tri[i] >= s->nvert)
-            return cn_fail(error, CN_ERR_MESH, "", 0,
+            return cn_fail(error, CN_FAULT_NO_VERTEX, "", 0,
                            "triangle %zu of the skin names vertex %d, but vertices run from 0 to %d", i / 3,
                            s->tri[i], s->nvert - 1);
     return CN_OK;

@@ -94,8 +94,8 @@ static cn_status find_faces(faces *f, cn_error *error)
             face[n++] = cn_facet_face(corner[face_of[i][0]], corner[face_of[i][1]], corner[face_of[i][2]], t);
     }
     if (n == 0) {
-        status = cn_fail(error, CN_ERR_MESH, "", 0, "none of the %d tetrahedra under the skin has a volume",
-                         tets->ntet);
+        status = cn_fail(error, CN_FAULT_DEGENERATE, "", 0,
+                         "none of the %d tetrahedra under the skin has a volume", tets->ntet);
         goto done;
     }
     if ((status = cn_facet_sort(tets->nnode, n, face)) != CN_OK) goto done;
@@ -141,7 +141,7 @@ static cn_status check_tets(const cn_tets *tets, cn_error *error)
         const int *list = second ? tets->mid : tets->tet, per = second ? 6 : 4;
         for (size_t i = 0; list && i < (size_t)per * (size_t)tets->ntet; i++)
             if (list[i] < 0 || list[i] >= tets->nnode)
-                return cn_fail(error, CN_ERR_MESH, "", 0,
+                return cn_fail(error, CN_FAULT_NO_VERTEX, "", 0,
                                "tetrahedron %zu under the skin names node %d, but nodes run from 0 to %d",
                                i / (size_t)per, list[i], tets->nnode - 1);
     }

@@ -1,7 +1,11 @@
 #include "catnav/status.h"
 
 #include <stdarg.h>
+#include <errno.h>
+#include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
 const char *cn_status_text(int status)
 {
@@ -10,10 +14,42 @@ const char *cn_status_text(int status)
     return status >= 0 && status < CN_STATUS_COUNT ? texts[status] : "unknown status";
 }
 
-cn_status cn_fail(cn_error *error, cn_status status, const char *file, int line, const char *format, ...)
+const char *cn_fault_name(int fault)
 {
+#define CN_FAULT_CASE(status, number, name, text)                                                            \
+    case CN_FAULT_##name:                                                                                    \
+        return #name;
+#define CN_STATUS_CASE(name, text)                                                                           \
+    case 100 * name:                                                                                         \
+        return #name + (name == CN_OK ? strlen(#name) : strlen("CN_ERR_"));
+    switch (fault) {
+        CN_FAULT_LIST(CN_FAULT_CASE)
+        CN_STATUS_LIST(CN_STATUS_CASE)
+    }
+    return "";
+}
+
+int cn_fault_file(int cause)
+{
+    return cause == ENOENT                       ? CN_FAULT_MISSING_FILE
+           : cause == EISDIR || cause == ENOTDIR ? CN_FAULT_NO_FILE
+                                                 : CN_FAULT_ACCESS;
+}
+
+int cn_fault_number(const char *text)
+{
+    char *end;
+    const double value = strtod(text, &end);
+    return end > text && !*end && !isfinite(value) ? CN_FAULT_NUMBER : CN_FAULT_TYPE;
+}
+
+cn_status cn_fail(cn_error *error, int code, const char *file, int line, const char *format, ...)
+{
+    const int fault = code < CN_STATUS_COUNT ? 100 * code : code;
+    const cn_status status = (cn_status)(fault / 100);
     if (!error || error->status != CN_OK) return status;
     error->status = status;
+    error->fault = fault;
     snprintf(error->file, sizeof error->file, "%s", file ? file : "");
     error->line = line;
     va_list arguments;

@@ -26,7 +26,8 @@ static cn_status place(char path[PATH_MAX], const char *folder, const char *name
         const int failed = mkdir(path, 0777) && errno != EEXIST, cause = errno;
         *slash = '/';
         if (failed)
-            return cn_fail(error, CN_ERR_FILE, folder, 0, "the folder cannot be made: %s", strerror(cause));
+            return cn_fail(error, cn_fault_file(cause), folder, 0, "the folder cannot be made: %s",
+                           strerror(cause));
     }
     return CN_OK;
 }

@@ -21,7 +21,7 @@ static cn_status tube_new(cn_surface **out, const cn_shape *shape, bool vessel, 
 {
     const int n = shape->tube.naxis, nradius = shape->tube.nradius;
     if (n < 2 || (nradius != 1 && nradius != n))
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0,
+        return cn_fail(error, CN_FAULT_AT_ODDS, NULL, 0,
                        "%s: a tube of %d axis points takes 1 or %d radii, not %d", name, n, n, nradius);
     double *radius = malloc((size_t)n * sizeof *radius);
     if (!radius) return CN_ERR_MEMORY;
@@ -49,7 +49,7 @@ static cn_status shape_new(cn_surface **out, const cn_shape *shape, bool vessel,
     case CN_SHAPE_TUBE:
         return tube_new(out, shape, vessel, name, error);
     default:
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0,
+        return cn_fail(error, CN_FAULT_UNSUITED, NULL, 0,
                        "%s: a wall is a file, sphere, box, plane or tube, not a catheter or beam", name);
     }
 }
@@ -69,7 +69,7 @@ static cn_status surface_new(cn_wall *wall, const cn_shape *shape, const cn_surf
     cn_status status =
         shape_new(&wall->surface, shape, wall->vessel, extent / placement.scale, wall->name, error);
     if (status == CN_ERR_ARG)
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0,
+        return cn_fail(error, CN_FAULT_AT_ODDS, NULL, 0,
                        "%s: the shape has no size, or a number that is not finite", wall->name);
     if (status != CN_OK) return status;
     cn_place_points(&placement, wall->surface->nvert, wall->surface->vert);
@@ -95,7 +95,7 @@ static cn_status wall_make(cn_wall *wall, const cn_surface_spec *spec, bool vess
     strcpy(wall->name, name);
     wall->vessel = vessel, wall->spec = spec;
     if (vessel && spec->shape.kind == CN_SHAPE_PLANE && !given)
-        return cn_fail(error, CN_ERR_SCENE, NULL, 0, "%s: a plane has no inside, make it an obstacle",
+        return cn_fail(error, CN_FAULT_UNSUITED, NULL, 0, "%s: a plane has no inside, make it an obstacle",
                        wall->name);
     if ((status = surface_new(wall, &spec->shape, given, extent, error)) != CN_OK) return status;
     if ((status = cn_surface_check(wall->surface, !wall->half_space, &wall->doctor, error)) != CN_OK)
@@ -103,7 +103,7 @@ static cn_status wall_make(cn_wall *wall, const cn_surface_spec *spec, bool vess
     if ((status = cn_doctor_wall(&wall->doctor, wall->name, error)) != CN_OK) return status;
     wall->closed = wall->doctor.closed;
     if (vessel && !(wall->doctor.volume > 0))
-        return cn_fail(error, CN_ERR_MESH, NULL, 0,
+        return cn_fail(error, CN_FAULT_TURNED, NULL, 0,
                        "%s: encloses no volume (%g m^3), nothing can move inside it", wall->name,
                        wall->doctor.volume);
     if (vessel && !wall->closed && (status = cn_wall_cap(wall)) != CN_OK) return status;
@@ -142,11 +142,11 @@ static cn_status match(const cn_scene *scene, int n, const cn_replacement *repla
             if (scene->vessel[v].name && !strcmp(scene->vessel[v].name, name)) found = v;
         if (found < 0 && !*name)
             return cn_fail(
-                error, CN_ERR_SCENE, NULL, 0,
+                error, CN_FAULT_UNNAMED, NULL, 0,
                 "a surface without a name takes the place of the only vessel, but the scene has %d",
                 scene->nvessel);
         if (found < 0)
-            return cn_fail(error, CN_ERR_SCENE, NULL, 0, "no vessel of the scene is named %s", name);
+            return cn_fail(error, CN_FAULT_UNNAMED, NULL, 0, "no vessel of the scene is named %s", name);
         given[found] = replacement[i].surface;
     }
     return CN_OK;

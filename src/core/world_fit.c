@@ -23,7 +23,7 @@ cn_status cn_world_fits(const cn_world *world, double diameter, cn_error *error)
     free(sorted);
     if (ratio >= 0.5 && ratio <= 200) return CN_OK;
     return cn_fail(
-        error, CN_ERR_MESH, NULL, 0,
+        error, CN_FAULT_UNIT, NULL, 0,
         "the lumen's median diameter is %.4g m, %.3g times the device's %.4g m: expected 0.5 to 200 times; "
         "check the unit of the mesh (`scale`; a message is in metres)",
         lumen, ratio, diameter);

@@ -203,11 +203,11 @@ cn_status cn_world_map(cn_world *world, double device_radius, int threads, cn_er
     const bool coarse = world->nvessel && device_radius > 0 && cell > 2 * device_radius;
     if (coarse && world->scene->planner.resolution > 2 * device_radius)
         return cn_fail(
-            error, CN_ERR_SCENE, NULL, 0,
+            error, CN_FAULT_AT_ODDS, NULL, 0,
             "planner.resolution: cells of %g m are wider than the device of %g m: make them no wider",
             world->scene->planner.resolution, 2 * device_radius);
     if (coarse)
-        return cn_fail(error, CN_ERR_MESH, NULL, 0,
+        return cn_fail(error, CN_FAULT_UNIT, NULL, 0,
                        "the walls enclose %.3g m^3 in %.3g m, too much for a map as fine as a device of %.3g "
                        "m: are they "
                        "in metres? (scale: 0.001 makes them of millimetres)",

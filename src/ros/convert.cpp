@@ -47,6 +47,7 @@ Verdict toMessage(const cn_verdict &v)
     Verdict m;
     m.code = uint8_t(v.code);
     m.message = v.message;
+    m.fault = cn_fault_name(v.fault);
     m.quantity = v.has_quantity ? cn_quantity_name(v.quantity) : "";
     m.body = v.body;
     m.value = finite(v.value);

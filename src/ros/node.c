@@ -46,9 +46,9 @@ static cn_status read_queue(cn_node *node, cn_error *error)
     cn_ros_text(node->ros, "on_busy", "refuse", on_busy, sizeof on_busy);
     const double size = cn_ros_number(node->ros, "queue_size", 8);
     if (strcmp(on_busy, "refuse") && strcmp(on_busy, "queue"))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "~on_busy is '%s': expected refuse or queue", on_busy);
+        return cn_fail(error, CN_FAULT_OPTION, "", 0, "~on_busy is '%s': expected refuse or queue", on_busy);
     if (!(size >= 1 && size <= QUEUE_MOST))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "~queue_size is %g: expected 1 to %d calls", size,
+        return cn_fail(error, CN_FAULT_VALUE, "", 0, "~queue_size is %g: expected 1 to %d calls", size,
                        QUEUE_MOST);
     node->queue = strcmp(on_busy, "queue") ? 0 : (int)size;
     return CN_OK;
@@ -91,15 +91,15 @@ cn_status cn_node_new(cn_node **out, int argc, char **argv, const volatile sig_a
     cn_ros_text(node->ros, "frame_id", "map", node->frame, sizeof node->frame);
     const double rate = cn_ros_number(node->ros, "frame_rate", 20);
     if (!(rate > 0 && rate < INFINITY)) {
-        status =
-            cn_fail(error, CN_ERR_ARG, "", 0, "~frame_rate is %g: expected frames a second above 0", rate);
+        status = cn_fail(error, CN_FAULT_VALUE, "", 0, "~frame_rate is %g: expected frames a second above 0",
+                         rate);
         goto fail;
     }
     node->own_rate = rate, node->frame_period = 1 / rate;
     const double triangles = cn_ros_number(node->ros, "triangles_max", 200000);
     if (!(triangles >= 1 && triangles <= INT_MAX)) {
-        status =
-            cn_fail(error, CN_ERR_ARG, "", 0, "~triangles_max is %g: expected a count above 0", triangles);
+        status = cn_fail(error, CN_FAULT_VALUE, "", 0, "~triangles_max is %g: expected a count above 0",
+                         triangles);
         goto fail;
     }
     node->triangles = (int)triangles;

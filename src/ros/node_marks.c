@@ -209,19 +209,21 @@ static cn_status scene_to_write(const cn_node *node, const char *scene, char to[
     cn_status status;
 
     if (!dot || dot == base || (strcmp(dot, ".yaml") && strcmp(dot, ".yml")))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "scene '%s': expected a name that ends in .yaml", scene);
+        return cn_fail(error, CN_FAULT_OPTION, "", 0, "scene '%s': expected a name that ends in .yaml",
+                       scene);
     if (scene_inside(node, scene, to, NULL) == CN_OK) {
         *from = to;
         return CN_OK;
     }
     if ((status = folder_inside(node, scene, folder, error)) != CN_OK) return status;
     if (snprintf(to, PATH_MAX, "%s/%s", folder, base) >= PATH_MAX)
-        return cn_fail(error, CN_ERR_ARG, "", 0, "scene '%.60s...': the path is too long", scene);
+        return cn_fail(error, CN_FAULT_OPTION, "", 0, "scene '%.60s...': the path is too long", scene);
     *from = node->scene_file;
-    if (!realpath(node->scene_file, own)) return cn_fail(error, CN_ERR_FILE, "", 0, "the node has no scene");
+    if (!realpath(node->scene_file, own))
+        return cn_fail(error, CN_FAULT_MISSING_FILE, "", 0, "the node has no scene");
     *strrchr(own, '/') = 0;
     if (strcmp(own, folder))
-        return cn_fail(error, CN_ERR_ARG, "", 0,
+        return cn_fail(error, CN_FAULT_OUTSIDE, "", 0,
                        "scene '%s' is not there yet, and a copy of %s outside its folder would not find its "
                        "files: save beside it, or over a scene",
                        scene, node->scene_file);
@@ -256,9 +258,9 @@ void on_load(void *user, const char *name, cn_ros_file_reply *out)
     cn_status status = scene_inside(node, name, file, &error);
     if (status == CN_OK) status = cn_scene_read(&scene, file, 0, NULL, &error);
     if (status == CN_OK && scene->nbody == 0)
-        status = cn_fail(&error, CN_ERR_SCENE, file, 0, "the scene has no body");
+        status = cn_fail(&error, CN_FAULT_NEEDED, file, 0, "the scene has no body");
     if (status == CN_OK && scene->body[0].nwaypoint >= MARKS_MOST)
-        status = cn_fail(&error, CN_ERR_SCENE, file, 0, "the scene has %d waypoints, more than %d",
+        status = cn_fail(&error, CN_FAULT_TOO_LARGE, file, 0, "the scene has %d waypoints, more than %d",
                          scene->body[0].nwaypoint, MARKS_MOST - 1);
     if (status == CN_OK) {
         const cn_body_spec *body = &scene->body[0];

@@ -133,6 +133,7 @@ static void put_in_force(cn_node *node, stage *fresh, const char *what, const cn
     pthread_mutex_lock(&node->lock);
     if (fresh) old = node->stage, node->stage = fresh, node->marks_changed = true;
     memcpy(node->refusal, refusal, sizeof refusal);
+    node->fault = error->fault;
     node->checking--;
     pthread_mutex_unlock(&node->lock);
     stage_drop(node, old);

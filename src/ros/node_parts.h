@@ -82,6 +82,7 @@ struct cn_node {
     bool open;                       /* and not yet answered */
     bool answering;                  /* a cancel is answering it */
     bool preparing;                  /* its scene and map are made, which nothing can cut short */
+    int fault;                       /* of that refusal */
     char refusal[1024];              /* why the last mesh or the scene was refused, "" when it was not */
     double frame_period;             /* [s] */
     int frames_sent, frames_dropped; /* dropped on purpose: more often than ~frame_rate */

@@ -61,6 +61,8 @@ void answer_with(cn_ros_answer *answer, const cn_scene *scene, cn_verdict_code c
 {
     cn_report_refused(&answer->report, scene, error);
     answer->report.verdict.code = code;
+    if (code != CN_VERDICT_BAD_INPUT && code != CN_VERDICT_NO_ARTERY)
+        answer->report.verdict.fault = CN_FAULT_NONE;
 }
 
 /* Answers one request in a stage that is this plan's. */
@@ -85,11 +87,11 @@ static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cons
 
     hooks.user = &r;
     if (!(request->budget >= 0 && request->budget < INFINITY)) {
-        cn_fail(&error, CN_ERR_ARG, "", 0, "budget is %g s: expected 0 or more", request->budget);
+        cn_fail(&error, CN_FAULT_VALUE, "", 0, "budget is %g s: expected 0 or more", request->budget);
         goto refused;
     }
     if (s->scene->nbody == 0) {
-        cn_fail(&error, CN_ERR_SCENE, s->scene->path, 0, "scene '%s' has no body to plan for",
+        cn_fail(&error, CN_FAULT_NEEDED, s->scene->path, 0, "scene '%s' has no body to plan for",
                 s->scene->name);
         goto refused;
     }
@@ -98,8 +100,8 @@ static void plan_in(cn_node *node, stage *s, const cn_ros_request *request, cons
         request->nwaypoint == 0 && first->nwaypoint == 0 && first->shape.kind != CN_SHAPE_CATHETER;
     if (runs) ask.waypoint = NULL;         /* a scene that just moves under its loads */
     if (request->nwaypoint < 2 && !runs) { /* where they lie is cn_run's to judge */
-        cn_fail(&error, CN_ERR_ARG, "", 0, "%d waypoints: at least two are needed, the entry and a target",
-                request->nwaypoint);
+        cn_fail(&error, CN_FAULT_TOO_FEW, "", 0,
+                "%d waypoints: at least two are needed, the entry and a target", request->nwaypoint);
         goto refused;
     }
     if (request->sampling[0]) {
@@ -166,9 +168,9 @@ static stage *stage_for(cn_node *node, const cn_ros_request *request, cn_ros_ans
     } else if (!(s = await_stage(node)) && !(s = foreign_stage(node, answer->frame))) {
         pthread_mutex_lock(&node->lock);
         if (node->refusal[0]) {
-            cn_fail(&error, CN_ERR_MESH, "", 0, "%s", node->refusal);
+            cn_fail(&error, node->fault ? node->fault : CN_ERR_MESH, "", 0, "%s", node->refusal);
         } else {
-            cn_fail(&error, CN_ERR_MESH, "", 0, "no artery mesh yet: send one on ~artery_mesh");
+            cn_fail(&error, CN_FAULT_NO_PARTS, "", 0, "no artery mesh yet: send one on ~artery_mesh");
             code = CN_VERDICT_NO_ARTERY;
         }
         pthread_mutex_unlock(&node->lock);

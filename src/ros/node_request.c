@@ -19,10 +19,10 @@ static bool is_below(const char *given, const char *path, bool itself)
 static cn_status join(const cn_node *node, const char *scene, char joined[PATH_MAX], cn_error *error)
 {
     if (!node->scene_dir[0])
-        return cn_fail(error, CN_ERR_ARG, "", 0, "scene '%.200s': the node has no ~scene_dir to look in",
-                       scene);
+        return cn_fail(error, CN_FAULT_OUTSIDE, "", 0,
+                       "scene '%.200s': the node has no ~scene_dir to look in", scene);
     if (snprintf(joined, PATH_MAX, "%s/%s", node->scene_dir, scene) >= PATH_MAX)
-        return cn_fail(error, CN_ERR_FILE, "", 0, "scene '%.60s...': the path is too long", scene);
+        return cn_fail(error, CN_FAULT_MISSING_FILE, "", 0, "scene '%.60s...': the path is too long", scene);
     return CN_OK;
 }
 
@@ -33,13 +33,13 @@ cn_status scene_inside(const cn_node *node, const char *scene, char path[PATH_MA
     const cn_status status = join(node, scene, joined, error);
     if (status != CN_OK) return status;
     if (!realpath(joined, path))
-        return cn_fail(error, CN_ERR_FILE, scene, 0, "scene '%.200s' is not in %.200s", scene,
+        return cn_fail(error, CN_FAULT_MISSING_FILE, scene, 0, "scene '%.200s' is not in %.200s", scene,
                        node->scene_dir);
     if (!is_below(node->scene_dir, path, false))
-        return cn_fail(error, CN_ERR_ARG, scene, 0, "scene '%.200s' lies outside %.200s", scene,
+        return cn_fail(error, CN_FAULT_OUTSIDE, scene, 0, "scene '%.200s' lies outside %.200s", scene,
                        node->scene_dir);
     if (stat(path, &info) || !S_ISREG(info.st_mode)) /* a pipe would be waited for */
-        return cn_fail(error, CN_ERR_FILE, scene, 0, "scene '%.200s' is not a file", scene);
+        return cn_fail(error, CN_FAULT_NO_FILE, scene, 0, "scene '%.200s' is not a file", scene);
     return CN_OK;
 }
 
@@ -50,10 +50,10 @@ cn_status folder_inside(const cn_node *node, const char *scene, char folder[PATH
     if (status != CN_OK) return status;
     *strrchr(joined, '/') = 0; /* join has put one there */
     if (!realpath(joined, folder))
-        return cn_fail(error, CN_ERR_FILE, scene, 0, "scene '%.200s': its folder is not in %.200s", scene,
-                       node->scene_dir);
+        return cn_fail(error, CN_FAULT_MISSING_FILE, scene, 0, "scene '%.200s': its folder is not in %.200s",
+                       scene, node->scene_dir);
     if (!is_below(node->scene_dir, folder, true))
-        return cn_fail(error, CN_ERR_ARG, scene, 0, "scene '%.200s' lies outside %.200s", scene,
+        return cn_fail(error, CN_FAULT_OUTSIDE, scene, 0, "scene '%.200s' lies outside %.200s", scene,
                        node->scene_dir);
     return CN_OK;
 }
@@ -74,7 +74,8 @@ static cn_status file_inside(const cn_node *node, const char *scene, const char 
     char path[PATH_MAX], other[PATH_MAX];
     if (!file) return CN_OK;
     if (!realpath(file, path))
-        return cn_fail(error, CN_ERR_FILE, scene, 0, "the scene names '%.300s', which is not there", file);
+        return cn_fail(error, CN_FAULT_MISSING_FILE, scene, 0, "the scene names '%.300s', which is not there",
+                       file);
     /* TetGen's files are two: the other lies beside the one that is named */
     const char *const dot = strrchr(file, '.');
     const bool node_file = dot && !strcmp(dot, ".node"), pair = node_file || (dot && !strcmp(dot, ".ele"));
@@ -85,7 +86,7 @@ static cn_status file_inside(const cn_node *node, const char *scene, const char 
     }
     if (may_read(node, path)) return CN_OK;
     return cn_fail(
-        error, CN_ERR_ARG, scene, 0,
+        error, CN_FAULT_OUTSIDE, scene, 0,
         "the scene names '%.200s', outside the folders a requested scene may read from (~scene_dir and "
         "~data_dirs)",
         file);
@@ -125,7 +126,8 @@ cn_status sampling_of(const char *text, cn_sampling *sampling, cn_error *error)
             *sampling = (cn_sampling)i;
             return CN_OK;
         }
-    return cn_fail(error, CN_ERR_ARG, "", 0, "sampling '%s': expected uniform, medial_axis or contact", text);
+    return cn_fail(error, CN_FAULT_OPTION, "", 0, "sampling '%s': expected uniform, medial_axis or contact",
+                   text);
 }
 
 static cn_status limit_of(const cn_ros_limit *in, cn_limit *out, cn_error *error)
@@ -135,18 +137,18 @@ static cn_status limit_of(const cn_ros_limit *in, cn_limit *out, cn_error *error
     while (q < CN_QUANTITY_PROGRESS && strcmp(in->quantity, cn_quantity_name((cn_quantity)q)))
         q++;
     if (q == CN_QUANTITY_PROGRESS)
-        return cn_fail(error, CN_ERR_ARG, "", 0,
+        return cn_fail(error, CN_FAULT_OPTION, "", 0,
                        "limit on '%s': expected volume, stress, energy, wall_force or clearance",
                        in->quantity);
     out->quantity = (cn_quantity)q;
     if (strcmp(reduce, "max") && strcmp(reduce, "mean"))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "limit on %s: reduce '%s': expected max or mean",
+        return cn_fail(error, CN_FAULT_OPTION, "", 0, "limit on %s: reduce '%s': expected max or mean",
                        in->quantity, reduce);
     out->reduce = strcmp(reduce, "mean") ? CN_REDUCE_MAX : CN_REDUCE_MEAN;
     if (out->reduce == CN_REDUCE_MEAN && q != CN_QUANTITY_VOLUME && q != CN_QUANTITY_STRESS)
-        return cn_fail(error, CN_ERR_ARG, "", 0, "limit on %s: only max is defined", in->quantity);
+        return cn_fail(error, CN_FAULT_OPTION, "", 0, "limit on %s: only max is defined", in->quantity);
     if (!(in->limit >= 0 && in->limit < INFINITY))
-        return cn_fail(error, CN_ERR_ARG, "", 0, "limit on %s is %g: expected a finite number, 0 or more",
+        return cn_fail(error, CN_FAULT_VALUE, "", 0, "limit on %s is %g: expected a finite number, 0 or more",
                        in->quantity, in->limit);
     out->limit = in->limit;
     return CN_OK;
@@ -226,7 +228,7 @@ cn_status overlay_new(overlay *o, cn_scene *scene, const cn_ros_tuning *tuning, 
         if (status != CN_OK) return status;
         if (in->body[0] && (scene->nbody == 0 || strcmp(in->body, scene->body[0].name))) {
             if (!(list = limits_of(scene, in->body, &n)))
-                return cn_fail(error, CN_ERR_ARG, "", 0,
+                return cn_fail(error, CN_FAULT_OPTION, "", 0,
                                "limit on '%s': the scene has no body or wall of that name", in->body);
             if (lend(o, n, list) != CN_OK) return cn_fail(error, CN_ERR_MEMORY, "", 0, "out of memory");
         }

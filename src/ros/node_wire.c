@@ -61,7 +61,7 @@ cn_status mesh_look(came_mesh *mesh, size_t size, const uint8_t *bytes, cn_error
     mesh->vert = take(&w, mesh->nvert, 3 * sizeof(double));
     if (w.over || w.left)
         return cn_fail(
-            error, CN_ERR_MESH, "", 0,
+            error, CN_FAULT_NO_PARTS, "", 0,
             "a message of %zu bytes is not a catnav/SurfaceMesh: what it counts is not what it holds; send "
             "one as catnav/SurfaceMesh.msg says",
             size);
@@ -80,8 +80,8 @@ cn_status mesh_unpack(const came_mesh *mesh, cn_surface **out, cn_error *error)
 
     *out = NULL;
     if (mesh->nvert == 0 || mesh->ntri == 0)
-        return cn_fail(error, CN_ERR_MESH, "", 0, "%s: empty: %zu vertices, %zu triangles", name, mesh->nvert,
-                       mesh->ntri);
+        return cn_fail(error, CN_FAULT_NO_PARTS, "", 0, "%s: empty: %zu vertices, %zu triangles", name,
+                       mesh->nvert, mesh->ntri);
     if (mesh->nvert > INT_MAX / 3 || mesh->ntri > INT_MAX / 3)
         return cn_fail(error, CN_ERR_MESH, "", 0, "%s: more than %d vertices or triangles", name,
                        INT_MAX / 3);
@@ -97,8 +97,8 @@ cn_status mesh_unpack(const came_mesh *mesh, cn_surface **out, cn_error *error)
         memcpy(&corner, mesh->tri + i * sizeof corner, sizeof corner);
         (*out)->tri[i] = (int)corner;
         if (corner >= mesh->nvert)
-            status = cn_fail(error, CN_ERR_MESH, "", 0, "%s: triangle %zu names vertex %u of %zu", name,
-                             i / 3, (unsigned)corner, mesh->nvert);
+            status = cn_fail(error, CN_FAULT_NO_VERTEX, "", 0, "%s: triangle %zu names vertex %u of %zu",
+                             name, i / 3, (unsigned)corner, mesh->nvert);
     }
     if (status == CN_OK) return CN_OK;
     cn_surface_free(*out);

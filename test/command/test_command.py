@@ -113,13 +113,14 @@ class Command(unittest.TestCase):
         self.run_it("run", scene, "--report", self.path("report.json"), "--quiet", status=1)
         report = self.report()
         self.assertEqual((report["status"], report["verdict"]["code"]), ("bad_input", "BAD_INPUT"))
+        self.assertEqual(report["verdict"]["fault"], "OPEN")
         self.assertTrue(report["verdict"]["message"])
 
     def test_a_refused_wall_still_writes_its_report(self):
         self.write("broken.stl", "solid a\n facet normal nan 0 0\n outer loop\n vertex 0 0 x\n")
         self.run_it("run", self.pipe, "--set", "vessels.artery.surface.file=broken.stl", "--report",
                     self.path("report.json"), status=1)
-        self.assertEqual(self.report()["verdict"]["code"], "BAD_INPUT")
+        self.assertEqual((self.report()["verdict"]["code"], self.report()["verdict"]["fault"]), ("BAD_INPUT", "NUMBER"))
 
     def test_a_refusal_is_said_once_and_on_one_line(self):
         self.write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")

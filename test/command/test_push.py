@@ -68,6 +68,7 @@ class Push(Runs):
                               ("bodies.0.drive.tip_bend.curvature=1000", "half a circle")):
             report = self.run_it(BEND, *PUSH, setting, status=1)
             self.assertEqual(report["verdict"]["code"], "BAD_INPUT")
+            self.assertIn(report["verdict"]["fault"], ("UNSUITED", "NEEDED", "AT_ODDS"))
             self.assertIn(word, report["verdict"]["message"])
             self.assertEqual(report["drive"]["insertion"], [])
 

@@ -1,8 +1,9 @@
-/* Bad inputs by kind, test/data/bad: each is refused with its own status, line and sentence.
+/* Bad inputs by kind, test/data/bad: each is refused with its own fault, line and sentence.
  *
- * KIND.txt holds cases one after the other: `@ what is wrong`, the file's lines, `=> STATUS LINE sentence`.
+ * KIND.txt holds cases one after the other: `@ what is wrong`, the file's lines, `=> FAULT LINE sentence`.
  * In the lines \xNN is a byte, \zN; are N zero bytes, and \e ends the file there. settings.txt holds settings
- * of a good scene, each followed by what it is answered. LINE 0: the file is binary, or there is none. */
+ * of a good scene, each followed by what it is answered; solid.txt (OBJ) and mesh.txt (TetGen) hold files
+ * that are well formed, and no mesh to fill or to simulate. LINE 0: the file is binary, or there is none. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -16,9 +17,10 @@
 #include <unistd.h>
 #include "catnav/mesh.h"
 #include "catnav/scene.h"
+#include "molecules.h"
 
 static char folder[64];
-static int ncase, nwrong;
+static int ncase, nwrong, nfault, faults[99];
 
 static int make_folder(void **state)
 {
@@ -82,11 +84,27 @@ static cn_status refuse(const char *kind, const char *bytes, size_t size, cn_err
     if (!strcmp(kind, "scene")) {
         write_bytes(file_of("yaml"), bytes, size);
         status = cn_scene_read(&scene, file_of("yaml"), 0, NULL, error);
-    } else if (!strcmp(kind, "tetgen")) {
+    } else if (!strcmp(kind, "tetgen") || !strcmp(kind, "mesh")) {
         const char *const ele = strstr(bytes, "#ele\n") + 5;
         write_bytes(file_of("node"), bytes, (size_t)(ele - bytes) - 5);
         write_bytes(file_of("ele"), ele, size - (size_t)(ele - bytes));
         status = cn_tets_read(&tets, file_of("node"), error);
+        if (!strcmp(kind, "mesh")) {
+            assert_int_equal(status, CN_OK);
+            status = cn_tets_check(tets, NULL, error);
+            cn_tets_free(tets), tets = NULL;
+        }
+    } else if (!strcmp(kind, "molecules")) {
+        cn_packing *packing = NULL;
+        write_bytes(file_of("txt"), bytes, size);
+        status = cn_packing_read(&packing, file_of("txt"), 0.01, NULL, 0, error);
+    } else if (!strcmp(kind, "solid")) {
+        cn_doctor doctor;
+        write_bytes(file_of("obj"), bytes, size);
+        assert_int_equal(cn_surface_read(&surface, file_of("obj"), error), CN_OK);
+        status = cn_surface_check(surface, false, &doctor, error);
+        if (status == CN_OK) status = cn_doctor_solid(&doctor, kind, error);
+        cn_surface_free(surface), surface = NULL;
     } else {
         write_bytes(file_of(kind), bytes, size);
         status = cn_surface_read(&surface, file_of(kind), error);
@@ -95,7 +113,7 @@ static cn_status refuse(const char *kind, const char *bytes, size_t size, cn_err
     return status;
 }
 
-/* Compares an answer with `STATUS LINE sentence`; the file's own folder is not part of the sentence. */
+/* Compares an answer with `FAULT LINE sentence`; the file's own folder is not part of the sentence. */
 static void judge(const char *kind, const char *what, cn_status status, const cn_error *error,
                   const char *expected)
 {
@@ -106,9 +124,17 @@ static void judge(const char *kind, const char *what, cn_status status, const cn
         plain[n++] = *at;
     }
     plain[n] = 0;
-    snprintf(said, sizeof said, "%d %d %s", (int)status, error->line, plain);
+    snprintf(said, sizeof said, "%s %d %s", cn_fault_name(error->fault), error->line, plain);
     ncase++;
-    const bool good = status != CN_OK && error->status == status && !strcmp(said, expected);
+    const bool good = status != CN_OK && error->status == status && error->fault / 100 == (int)status &&
+                      error->fault % 100 > 0 && !strcmp(said, expected);
+    for (int i = 0; i <= nfault; i++) /* the kinds met so far */
+        if (i == nfault && nfault < 99) {
+            faults[nfault++] = error->fault;
+            break;
+        } else if (faults[i] == error->fault) {
+            break;
+        }
     if (good) return;
     nwrong++;
     print_error("%s: %s\n=> %s\n", kind, what, said);
@@ -139,7 +165,8 @@ static void run_table(const char *kind)
             cn_error error = {0};
             bytes[size] = 0;
             const cn_status status = refuse(kind, bytes, size, &error);
-            assert_true(strstr(error.file, "/bad.") || status == CN_OK); /* the file is named */
+            /* the file is named; a check is of what was read */
+            assert_true(strstr(error.file, "/bad.") || !strcmp(kind, "solid") || !strcmp(kind, "mesh"));
             judge(kind, what, status, &error, line + 3);
         } else if (open) {
             open = unescape(line, bytes, &size);
@@ -218,10 +245,47 @@ static void test_a_bad_value_of_a_scene_is_refused_with_its_sentence(void **stat
     assert_int_equal(nwrong, 0);
 }
 
+static void test_a_surface_that_is_no_solid_is_refused_with_its_sentence(void **state)
+{
+    (void)state;
+    run_table("solid");
+}
+static void test_a_bad_file_of_molecules_is_refused_with_its_sentence(void **state)
+{
+    (void)state;
+    run_table("molecules");
+}
+static void test_a_mesh_that_cannot_be_simulated_is_refused_with_its_sentence(void **state)
+{
+    (void)state;
+    run_table("mesh");
+}
+
 static void test_there_are_at_least_two_hundred_of_them(void **state)
 {
     (void)state;
     assert_true(ncase >= 200);
+}
+
+/* Every kind of the file's, scene's and mesh's faults that readers and checks tell apart. */
+static void test_every_fault_of_a_file_and_a_mesh_is_among_them(void **state)
+{
+    (void)state;
+#define FAULT(status, number, name, text) CN_FAULT_##name,
+    static const int all[] = {CN_FAULT_LIST(FAULT)};
+    static const int elsewhere[] = {
+        /* of folders, requests and arrays; of sizes that no test writes; of a run's doors */
+        CN_FAULT_ACCESS, CN_FAULT_LARGE,    CN_FAULT_LOCKED,   CN_FAULT_NOTHING,
+        CN_FAULT_UNIT,   CN_FAULT_NO_PARTS, CN_FAULT_NO_VERTEX};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
+        bool met = all[i] / 100 == CN_ERR_ARG;
+        for (int k = 0; k < nfault; k++)
+            met = met || faults[k] == all[i];
+        for (size_t k = 0; k < sizeof elsewhere / sizeof *elsewhere; k++)
+            met = met || elsewhere[k] == all[i];
+        if (!met) print_error("no case of %s\n", cn_fault_name(all[i]));
+        assert_true(met);
+    }
 }
 
 int main(void)
@@ -234,6 +298,10 @@ int main(void)
         cmocka_unit_test(test_a_bad_pair_of_tetgen_is_refused_with_its_sentence),
         cmocka_unit_test(test_a_bad_scene_is_refused_with_its_sentence),
         cmocka_unit_test(test_a_bad_value_of_a_scene_is_refused_with_its_sentence),
+        cmocka_unit_test(test_a_surface_that_is_no_solid_is_refused_with_its_sentence),
+        cmocka_unit_test(test_a_bad_file_of_molecules_is_refused_with_its_sentence),
+        cmocka_unit_test(test_a_mesh_that_cannot_be_simulated_is_refused_with_its_sentence),
+        cmocka_unit_test(test_every_fault_of_a_file_and_a_mesh_is_among_them),
         cmocka_unit_test(test_there_are_at_least_two_hundred_of_them),
     };
     return cmocka_run_group_tests(tests, make_folder, remove_folder);

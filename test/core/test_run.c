@@ -131,9 +131,11 @@ static void a_request_that_means_nothing_is_refused_in_words(void **state)
                                   {.nwaypoint = 2, .waypoint = out},
                                   {.nlimit = 1, .limit = &negative},
                                   {.nlimit = 1, .limit = &undefined}};
+    const int fault[] = {CN_FAULT_TOO_FEW, CN_FAULT_VALUE, CN_FAULT_PLACE, CN_FAULT_VALUE, CN_FAULT_VALUE};
     for (size_t i = 0; i < sizeof request / sizeof *request; i++) {
         cn_report report = run(*state, &request[i], 1, NULL);
         assert_int_equal(report.verdict.code, CN_VERDICT_BAD_INPUT);
+        assert_int_equal(report.verdict.fault, fault[i]);
         assert_int_equal(report.steps, 0);
         cn_report_clear(&report);
     }

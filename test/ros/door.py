@@ -46,7 +46,8 @@ class Door(unittest.TestCase):
         bad = np.array(vertices)
         bad[7, 1] = np.nan
         self.refused(bad, triangles)
-        self.expect(self.client.plan(ROUTE), Verdict.BAD_INPUT, 'refused', 'vertex 7')
+        answer = self.expect(self.client.plan(ROUTE), Verdict.BAD_INPUT, 'refused', 'vertex 7')
+        self.assertEqual(answer.verdict.fault, 'NOT_FINITE')
 
     def test_2_a_good_mesh_and_a_good_call(self):
         states, topologies, paths = [], [], []
@@ -132,26 +133,27 @@ class Door(unittest.TestCase):
     def test_5_bad_requests_are_refused_in_words(self):
         nan, inf = float('nan'), float('inf')
         route = ROUTE
-        for points, fields, word in [
-                ([], {}, 'waypoint'),
-                (ROUTE[:1], {}, 'waypoint'),
-                ([ROUTE[0], (nan, 0, 0.05)], {}, 'waypoint 1'),
-                ([ROUTE[0], (0, inf, 0.05)], {}, 'waypoint 1'),
-                ([ROUTE[0], (0.02, 0, 0.05)], {}, 'waypoint 1'),
-                ([(0.02, 0, 0.01), ROUTE[1]], {}, 'entry'),
-                (route, {'sampling': 'guess'}, 'guess'),
-                (route, {'budget': nan}, 'budget'),
-                (route, {'budget': -1.0}, 'budget'),
-                (route, {'limits': [Limit('', 'heat', 'max', 1)]}, 'heat'),
-                (route, {'limits': [Limit('', 'stress', 'sum', 1)]}, 'sum'),
-                (route, {'limits': [Limit('', 'stress', 'max', nan)]}, 'stress'),
-                (route, {'limits': [Limit('', 'stress', 'max', -1)]}, 'stress'),
-                (route, {'limits': [Limit('stent', 'stress', 'max', 1)]}, 'stent'),
-                (route, {'scene': 'missing.yaml'}, 'missing.yaml'),
-                (route, {'scene': '../../package.xml'}, 'outside'),
-                (route, {'scene': 'door.test'}, 'door.test')]:
+        for points, fields, word, fault in [
+                ([], {}, 'waypoint', 'TOO_FEW'),
+                (ROUTE[:1], {}, 'waypoint', 'TOO_FEW'),
+                ([ROUTE[0], (nan, 0, 0.05)], {}, 'waypoint 1', 'VALUE'),
+                ([ROUTE[0], (0, inf, 0.05)], {}, 'waypoint 1', 'VALUE'),
+                ([ROUTE[0], (0.02, 0, 0.05)], {}, 'waypoint 1', 'PLACE'),
+                ([(0.02, 0, 0.01), ROUTE[1]], {}, 'entry', 'PLACE'),
+                (route, {'sampling': 'guess'}, 'guess', 'OPTION'),
+                (route, {'budget': nan}, 'budget', 'VALUE'),
+                (route, {'budget': -1.0}, 'budget', 'VALUE'),
+                (route, {'limits': [Limit('', 'heat', 'max', 1)]}, 'heat', 'OPTION'),
+                (route, {'limits': [Limit('', 'stress', 'sum', 1)]}, 'sum', 'OPTION'),
+                (route, {'limits': [Limit('', 'stress', 'max', nan)]}, 'stress', 'VALUE'),
+                (route, {'limits': [Limit('', 'stress', 'max', -1)]}, 'stress', 'VALUE'),
+                (route, {'limits': [Limit('stent', 'stress', 'max', 1)]}, 'stent', 'OPTION'),
+                (route, {'scene': 'missing.yaml'}, 'missing.yaml', 'MISSING_FILE'),
+                (route, {'scene': '../../package.xml'}, 'outside', 'OUTSIDE'),
+                (route, {'scene': 'door.test'}, 'door.test', 'SYNTAX')]:
             with self.subTest(word):
-                self.expect(self.client.plan(points, **fields), Verdict.BAD_INPUT, word)
+                answer = self.expect(self.client.plan(points, **fields), Verdict.BAD_INPUT, word)
+                self.assertEqual((answer.verdict.fault, json.loads(answer.report_json)['verdict']['fault']), (fault, fault))
         self.expect(self.client.plan([ROUTE[0], (0, 0, 0.02)]), Verdict.REACHED)
 
     def test_5_a_scene_in_its_folder_brings_its_own_vessel(self):
