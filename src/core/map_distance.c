@@ -52,10 +52,12 @@ cn_status cn_map_level_number(cn_map_level *level)
 typedef struct {
     cn_map_level *level;
     const cn_map_walls *walls;
-    double scale;    /* samples per cell: 1 / 2^level */
-    float margin;    /* rounding of the float distances [samples] */
-    float (*box)[6]; /* of each triangle: low, high [samples] */
-    int *start;      /* triangles that meet each place, by place */
+    double scale;     /* samples per cell: 1 / 2^level */
+    float margin;     /* rounding of the float distances [samples] */
+    float (*box)[6];  /* of each triangle: low, high [samples] */
+    int (*low)[3];    /* the first place that each box meets */
+    uint64_t *beyond; /* per brick, 2 x 2 x 2 samples a bit: some that counts lies beyond the band */
+    int *start;       /* triangles that meet each place, by place */
     int *item;
     bool *failed; /* per task */
 } job;
@@ -78,7 +80,8 @@ static cn_status sort_triangles(job *j)
     int low[3], high[3];
     j->start = calloc((size_t)count + 2, sizeof *j->start);
     j->box = malloc(((size_t)j->walls->ntri + 1) * sizeof *j->box);
-    if (!j->start || !j->box) return CN_ERR_MEMORY;
+    j->low = malloc(((size_t)j->walls->ntri + 1) * sizeof *j->low);
+    if (!j->start || !j->box || !j->low) return CN_ERR_MEMORY;
     for (int t = 0; t < j->walls->ntri; t++)
         for (int k = 0; k < 3; k++) {
             const double *v = j->walls->tri[t] + k;
@@ -89,6 +92,7 @@ static cn_status sort_triangles(job *j)
     for (int pass = 0; pass < 2; pass++) {
         for (int t = 0; t < j->walls->ntri; t++) {
             box_places(j, j->box[t], low, high);
+            memcpy(j->low[t], low, sizeof low);
             for (int z = low[2]; z <= high[2]; z++)
                 for (int y = low[1]; y <= high[1]; y++)
                     for (int x = low[0]; x <= high[0]; x++) {
@@ -134,8 +138,12 @@ CLONES static float largest(rows *field)
     return all;
 }
 
+typedef long long halves __attribute__((vector_size(4 * LANES)));
+
 /* Lowers the distances of a brick's samples to those of one triangle (corners in samples from the brick's).
- */
+ * Most samples are nearer to another one already, by its box or its plane: SLACK keeps those that rounding
+ * leaves in doubt. */
+#define SLACK 1e-3f
 CLONES static void splat(rows *field, const double v[3][3])
 {
     double n[3], e[3][3];
@@ -164,11 +172,18 @@ CLONES static void splat(rows *field, const double v[3][3])
     const lanes zero = {0}, one = zero + 1;
     const lanes x = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
     const float gap_x = low[0] > 7.5f ? low[0] - 7.5f : high[0] < 0.5f ? 0.5f - high[0] : 0;
+    const lanes left = low[0] - x, right = x - high[0], out = EACH_MOST(EACH_MOST(left, right), zero);
+    const lanes box_x = out * out;
     for (int r = 0; r < ROWS; r++) {
         const float y = (float)(r & 7) + 0.5f, z = (float)(r >> 3) + 0.5f;
         const float gap_y = low[1] > y ? low[1] - y : high[1] < y ? y - high[1] : 0;
         const float gap_z = low[2] > z ? low[2] - z : high[2] < z ? z - high[2] : 0;
         if (gap_x * gap_x + gap_y * gap_y + gap_z * gap_z >= field->most[r]) continue;
+        const lanes h = (x - corner[0][0]) * normal[0] +
+                        ((y - corner[0][1]) * normal[1] + (z - corner[0][2]) * normal[2]);
+        const lanes open = field->best[r] + SLACK;
+        const halves hope = (halves)((h * h < open) & (box_x + (gap_y * gap_y + gap_z * gap_z) < open));
+        if (!(hope[0] | hope[1] | hope[2] | hope[3])) continue;
         lanes edge = zero + 1e30f;
         flags inside =
             zero == (zero + (area2 > 0 ? 0.0f : 1.0f)); /* nothing is inside a triangle without area */
@@ -182,8 +197,6 @@ CLONES static void splat(rows *field, const double v[3][3])
             edge = EACH_LEAST(d, edge);
             inside &= wx * in[k][0] + (wy * in[k][1] + wz * in[k][2]) >= zero;
         }
-        const lanes h = (x - corner[0][0]) * normal[0] +
-                        ((y - corner[0][1]) * normal[1] + (z - corner[0][2]) * normal[2]);
         const lanes d = PICK(inside, h * h, edge);
         field->best[r] = EACH_LEAST(d, field->best[r]);
     }
@@ -199,7 +212,7 @@ static int near_triangles(const job *j, const int place[3], near **list, int *ro
                           int shells[CN_MAP_SIDE + 2])
 {
     const cn_map_level *level = j->level;
-    int low[3], high[3], tlow[3], thigh[3], n = 0, at[3];
+    int low[3], high[3], n = 0, at[3];
     for (int k = 0; k < 3; k++) {
         low[k] = place[k] > 0 ? place[k] - 1 : 0;
         high[k] = place[k] < level->size[k] - 1 ? place[k] + 1 : place[k];
@@ -218,7 +231,7 @@ static int near_triangles(const job *j, const int place[3], near **list, int *ro
                         gap2 += gap * gap;
                     }
                     if (gap2 > (float)(CN_MAP_BAND * CN_MAP_BAND)) continue;
-                    box_places(j, box, tlow, thigh);
+                    const int *tlow = j->low[j->item[i]];
                     bool first = true; /* of the places in which this triangle is listed */
                     for (int k = 0; k < 3; k++)
                         first = first && at[k] == MOST(tlow[k], low[k]);
@@ -237,9 +250,30 @@ static int near_triangles(const job *j, const int place[3], near **list, int *ro
     return n;
 }
 
+/* Which 2 x 2 x 2 samples of a brick hold one that counts and lies beyond the band. */
+static uint64_t beyond_band(const uint8_t *value, const uint64_t mask[8])
+{
+    uint64_t all = 0;
+    if (!memchr(value, CN_MAP_FAR, CN_MAP_CELLS)) return 0;
+    for (int z = 0; z < 8; z += 2) {
+        uint64_t far = 0;
+        for (int i = 0; i < 64; i++)
+            far |= (uint64_t)(value[64 * z + i] == CN_MAP_FAR && mask[z] >> i & 1) << i |
+                   (uint64_t)(value[64 * z + 64 + i] == CN_MAP_FAR && mask[z + 1] >> i & 1) << i;
+        far |= far >> 1, far |= far >> 8;
+        for (int i = 0; i < 16; i++)
+            all |= (far >> (16 * (i >> 2) + 2 * (i & 3)) & 1) << (8 * z + i);
+    }
+    return all;
+}
+
 static void measure_brick(const job *j, int brick, const near *list, const int *order, int n)
 {
     const int *place = j->level->place[brick];
+    if (n == 0) {
+        memset(j->level->value + (int64_t)brick * CN_MAP_CELLS, CN_MAP_FAR, CN_MAP_CELLS);
+        return;
+    }
     rows field;
     float most = 66; /* a little more than the band squared */
     for (int r = 0; r < ROWS; r++)
@@ -282,14 +316,31 @@ static void measure_chunk(void *user, int task)
         for (int i = 0; i < n; i++)
             order[shells[(int)sqrtf(list[i].gap2)]++] = i;
         measure_brick(j, brick, list, order, n);
+        j->beyond[brick] =
+            beyond_band(j->level->value + (int64_t)brick * CN_MAP_CELLS, j->level->mask + 8 * (int64_t)brick);
     }
     j->failed[task] = false;
 done:
     free(list), free(order);
 }
 
+/* The samples of the next level around those of a brick that lie beyond the band: rows of 6, 6 rows a layer,
+ * 6 layers, the brick's own 4 x 4 x 4 in the middle. */
+static void wanted_samples(uint64_t beyond, uint64_t layer[6])
+{
+    memset(layer, 0, 6 * sizeof *layer);
+    for (int z = 0; z < 4; z++) {
+        uint64_t wide = 0;
+        for (int y = 0; y < 4; y++) {
+            const uint64_t row = beyond >> (16 * z + 4 * y) & 15, three = row | row << 1 | row << 2;
+            wide |= three << 6 * y | three << (6 * y + 6) | three << (6 * y + 12);
+        }
+        layer[z] |= wide, layer[z + 1] |= wide, layer[z + 2] |= wide;
+    }
+}
+
 /* Marks what level l + 1 needs: the samples around those of level l that lie beyond its band. */
-static cn_status next_level(cn_map *map, int l, bool *any)
+static cn_status next_level(cn_map *map, int l, const uint64_t *beyond, bool *any)
 {
     const cn_map_level *fine = map->level + l;
     cn_map_level *coarse = map->level + l + 1;
@@ -302,33 +353,27 @@ static cn_status next_level(cn_map *map, int l, bool *any)
     *any = false;
     for (int pass = 0; pass < 2; pass++) { /* places, then samples */
         for (int b = 0; b < fine->nbrick; b++) {
-            const uint8_t *value = fine->value + (int64_t)b * CN_MAP_CELLS;
-            uint64_t beyond = 0; /* by 2 x 2 x 2 samples */
-            if (!memchr(value, CN_MAP_FAR, CN_MAP_CELLS)) continue;
-            for (int i = 0; i < CN_MAP_CELLS; i++)
-                if (value[i] == CN_MAP_FAR && cn_map_bit(fine->mask, b, i))
-                    beyond |= 1ull << ((i >> 7) << 4 | (i >> 4 & 3) << 2 | (i >> 1 & 3));
-            if (!beyond) continue;
+            const int *place = fine->place[b], first = 4 * (place[0] - 1) - 1; /* sample of each row */
+            uint64_t layer[6];
+            if (!beyond[b]) continue;
             *any = true;
-            uint8_t wanted[216] = {0}; /* the brick's 4 x 4 x 4 coarse samples and those around them */
-            for (int i = 0; i < 64; i++)
-                for (int d = 0; d < 27 && beyond >> i & 1; d++)
-                    wanted[36 * ((i >> 4) + d / 9) + 6 * ((i >> 2 & 3) + d / 3 % 3) + (i & 3) + d % 3] = 1;
-            for (int i = 0; i < 216; i++) {
-                const int s[3] = {4 * (fine->place[b][0] - 1) + i % 6 - 1,
-                                  4 * (fine->place[b][1] - 1) + i / 6 % 6 - 1,
-                                  4 * (fine->place[b][2] - 1) + i / 36 - 1};
-                int at[3], brick, offset;
-                bool outside = !wanted[i];
-                for (int k = 0; k < 3; k++) {
-                    at[k] = (s[k] >> 3) + 1;
-                    outside = outside || at[k] < 0 || at[k] >= coarse->size[k];
+            wanted_samples(beyond[b], layer);
+            for (int i = 0; i < 36; i++) {
+                const uint64_t row = (layer[i / 6] >> 6 * (i % 6) & 63) << (first & 7);
+                const int y = 4 * (place[1] - 1) + i % 6 - 1, z = 4 * (place[2] - 1) + i / 6 - 1;
+                for (int part = 0; part < 2; part++) { /* a row lies in two bricks */
+                    const uint64_t bits = row >> 8 * part & 255;
+                    const int at[3] = {(first >> 3) + 1 + part, (y >> 3) + 1, (z >> 3) + 1};
+                    if (!bits || at[0] < 0 || at[1] < 0 || at[2] < 0 || at[0] >= coarse->size[0] ||
+                        at[1] >= coarse->size[1] || at[2] >= coarse->size[2])
+                        continue;
+                    int *brick =
+                        coarse->brick + ((int64_t)at[2] * coarse->size[1] + at[1]) * coarse->size[0] + at[0];
+                    if (!pass)
+                        *brick = 0;
+                    else
+                        coarse->mask[8 * (int64_t)*brick + (z & 7)] |= bits << 8 * (y & 7);
                 }
-                if (outside) continue;
-                if (!pass)
-                    coarse->brick[((int64_t)at[2] * coarse->size[1] + at[1]) * coarse->size[0] + at[0]] = 0;
-                else if (cn_map_find(coarse, s, &brick, &offset))
-                    coarse->mask[8 * (int64_t)brick + (offset >> 6)] |= 1ull << (offset & 63);
             }
         }
         if (!pass && (status = cn_map_level_number(coarse)) != CN_OK) return status;
@@ -344,15 +389,17 @@ cn_status cn_map_measure(cn_map *map, const cn_map_walls *walls, cn_pool *pool)
         bool any = false;
         j.margin = (float)(1e-4 + 1e-6 * (walls->extent * j.scale + 24));
         cn_status status = sort_triangles(&j);
-        if (status == CN_OK && !(j.failed = calloc((size_t)ntask + 1, sizeof *j.failed)))
-            status = CN_ERR_MEMORY;
+        j.failed = calloc((size_t)ntask + 1, sizeof *j.failed);
+        j.beyond = malloc(((size_t)j.level->nbrick + 1) * sizeof *j.beyond);
+        if (!j.failed || !j.beyond) status = CN_ERR_MEMORY;
         if (status == CN_OK) {
             cn_pool_run(pool, ntask, measure_chunk, &j);
             for (int t = 0; t < ntask; t++)
                 if (j.failed[t]) status = CN_ERR_MEMORY;
         }
-        free(j.box), free(j.start), free(j.item), free(j.failed);
-        if (status == CN_OK && l + 1 < CN_MAP_LEVELS && walls->ntri) status = next_level(map, l, &any);
+        if (status == CN_OK && l + 1 < CN_MAP_LEVELS && walls->ntri)
+            status = next_level(map, l, j.beyond, &any);
+        free(j.box), free(j.low), free(j.start), free(j.item), free(j.failed), free(j.beyond);
         if (status != CN_OK) return status;
         if (!any && map->nlevel == l + 2) { /* nothing left for the coarser one */
             cn_map_level *last = map->level + l + 1;

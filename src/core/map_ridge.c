@@ -19,7 +19,8 @@ typedef struct {
     cn_map *map;
     uint64_t *candidate[CN_MAP_LEVELS]; /* samples on the ridge (nbrick x 8) */
     int level;
-    uint64_t *ridge; /* cells (nbrick x 8) */
+    uint64_t *ridge;   /* cells (nbrick x 8) */
+    int (*beside)[27]; /* the bricks around each of level 0 and itself, -1: none */
     uint32_t adjacent26[27], adjacent6[27];
     int ncell;
     struct cell {
@@ -94,23 +95,24 @@ static void find_candidates(void *user, int task)
         }
 }
 
-/* Adds a cell to the ridge; false when it is not free or already there. */
-static bool add_cell(job *j, const int i[3])
-{
-    int brick, offset;
-    if (!cn_map_find(j->map->level, i, &brick, &offset) || !cn_map_bit(j->map->level->mask, brick, offset))
-        return false;
-    if (cn_map_bit(j->ridge, brick, offset)) return false;
-    j->ridge[8 * (int64_t)brick + (offset >> 6)] |= 1ull << (offset & 63);
-    return true;
-}
-
+/* Adds the free cells of a sample to the ridge: a cube within a brick, or one of whole bricks. */
 static void add_sample(job *j, int l, const int i[3])
 {
-    const int side = 1 << l;
-    for (int n = 0; n < side * side * side; n++)
-        add_cell(j, (int[3]){i[0] * side + n % side, i[1] * side + n / side % side,
-                             i[2] * side + n / side / side});
+    const cn_map_level *cells = j->map->level;
+    const int side = l < 3 ? 1 << l : 8, bricks = l < 3 ? 1 : 1 << (l - 3);
+    int corner[3];
+    uint64_t rows = 0;
+    for (int k = 0; k < 3; k++)
+        corner[k] = i[k] * (1 << l);
+    for (int y = 0; y < side; y++)
+        rows |= (uint64_t)((1u << side) - 1u) << 8 * ((corner[1] & 7) + y) << (corner[0] & 7);
+    for (int n = 0; n < bricks * bricks * bricks; n++) {
+        const int at[3] = {(corner[0] >> 3) + n % bricks + 1, (corner[1] >> 3) + n / bricks % bricks + 1,
+                           (corner[2] >> 3) + n / bricks / bricks + 1};
+        const int brick = cn_map_brick_at(cells, at), first = corner[2] & 7;
+        for (int z = first; brick >= 0 && z < first + side; z++)
+            j->ridge[8 * (int64_t)brick + z] |= cells->mask[8 * (int64_t)brick + z] & rows;
+    }
 }
 
 static double cell_distance(const cn_map *map, const int i[3])
@@ -128,9 +130,18 @@ static bool add_candidates(job *j)
         for (int w = 0; w < 8 * level->nbrick; w++)
             for (uint64_t bits = pass ? thick[w] : j->candidate[j->level][w]; bits; bits &= bits - 1) {
                 int i[3], q[3], brick, offset;
-                coordinates(level, w / 8, 64 * (w % 8) + __builtin_ctzll(bits), i);
-                if (pass) add_sample(j, j->level, i);
-                for (int n = 0; n < 27 && !pass; n++) {
+                const int bit = __builtin_ctzll(bits), x = bit & 7, y = bit >> 3, z = w % 8;
+                coordinates(level, w / 8, 64 * z + bit, i);
+                if (pass) {
+                    add_sample(j, j->level, i);
+                    continue;
+                }
+                if (x > 0 && x < 7 && y > 0 && y < 7 && z > 0 && z < 7) {
+                    const uint64_t block = 0x070707ull << (bit - 9);
+                    thick[w - 1] |= block, thick[w] |= block, thick[w + 1] |= block;
+                    continue;
+                }
+                for (int n = 0; n < 27; n++) {
                     neighbour(i, n, q);
                     if (cn_map_find(level, q, &brick, &offset))
                         thick[8 * (int64_t)brick + (offset >> 6)] |= 1ull << (offset & 63);
@@ -186,23 +197,20 @@ static void join_pieces(job *j)
 /* The ridge among the 26 neighbours of a cell, as bits. */
 static uint32_t around(const job *j, int id)
 {
-    const cn_map_level *level = j->map->level;
-    const int x = id & 7, y = id >> 3 & 7, z = id >> 6 & 7;
+    const int x = id & 7, y = id >> 3 & 7, z = id >> 6 & 7, *beside = j->beside[id / CN_MAP_CELLS];
     uint32_t bits = 0;
-    int i[3], q[3], brick, offset;
-    if (x > 0 && x < 7 && y > 0 && y < 7 && z > 0 && z < 7) {
-        const uint64_t *word = j->ridge + 8 * (int64_t)(id / CN_MAP_CELLS) + z - 1;
-        for (int k = 0; k < 9; k++)
-            bits |= (uint32_t)(word[k / 3] >> (8 * (y + k % 3 - 1) + x - 1) & 7) << 3 * k;
-        return bits & ~(1u << 13);
+    for (int k = 0; k < 9; k++) {
+        const int row = y + k % 3 - 1, layer = z + k / 3 - 1;
+        const int *three = beside + 9 * ((layer >> 3) + 1) + 3 * ((row >> 3) + 1);
+        const int64_t word = layer & 7, shift = 8 * (row & 7);
+        uint32_t set = 0;
+        if (x == 0 && three[0] >= 0) set |= j->ridge[8 * (int64_t)three[0] + word] >> shift >> 7 & 1;
+        if (three[1] >= 0) set |= (uint32_t)(j->ridge[8 * (int64_t)three[1] + word] >> shift & 255) << 1;
+        if (x == 7 && three[2] >= 0)
+            set |= (uint32_t)(j->ridge[8 * (int64_t)three[2] + word] >> shift & 1) << 9;
+        bits |= (set >> x & 7) << 3 * k;
     }
-    coordinates(level, id / CN_MAP_CELLS, id % CN_MAP_CELLS, i);
-    for (int n = 0; n < 27; n++) {
-        neighbour(i, n, q);
-        if (n != 13 && cn_map_find(level, q, &brick, &offset) && cn_map_bit(j->ridge, brick, offset))
-            bits |= 1u << n;
-    }
-    return bits;
+    return bits & ~(1u << 13);
 }
 
 static uint32_t flood(uint32_t set, uint32_t seed, const uint32_t adjacent[27])
@@ -303,30 +311,50 @@ static void centre(const cn_map *map, int id, double x[3])
         x[k] = map->origin[k] + (i[k] + 0.5) * map->cell;
 }
 
+/* The eight samples around a place, those from `first` on; whole: all are there and within the band. */
+typedef struct {
+    bool known, whole;
+    int first[3];
+    double distance[8]; /* [their spacing] */
+} corners;
+
+static void read_corners(const cn_map_level *level, const int first[3], corners *c)
+{
+    memcpy(c->first, first, sizeof c->first);
+    c->known = c->whole = true;
+    for (int n = 0; n < 8 && c->whole; n++) {
+        const int s[3] = {first[0] + (n & 1), first[1] + (n >> 1 & 1), first[2] + (n >> 2)};
+        int brick, offset;
+        c->whole = cn_map_find(level, s, &brick, &offset);
+        const int code = c->whole ? level->value[(int64_t)brick * CN_MAP_CELLS + offset] : CN_MAP_FAR;
+        c->whole = c->whole && code != CN_MAP_FAR;
+        c->distance[n] = code * CN_MAP_QUANTUM;
+    }
+}
+
 /* Upper bound on the distance of a cell's centre: the least d_i + |x - x_i| over the samples around it, exact
  * on the axis of a tube and so without a preference for the lattice. */
-static double upper(const cn_map *map, int id)
+static double upper(const cn_map *map, int id, corners around[CN_MAP_LEVELS])
 {
-    int i[3], brick, offset;
+    int i[3];
     if (map->level->value[id] != CN_MAP_FAR) return map->level->value[id] * CN_MAP_QUANTUM;
     coordinates(map->level, id / CN_MAP_CELLS, id % CN_MAP_CELLS, i);
     for (int l = 1; l < map->nlevel; l++) {
-        double best = INFINITY;
-        bool whole = true;
-        for (int c = 0; c < 8 && whole; c++) {
+        corners *c = around + l;
+        int s[3];
+        double x[3], best = INFINITY;
+        for (int k = 0; k < 3; k++)
+            x[k] = (i[k] + 0.5) / (1 << l) - 0.5, s[k] = (int)floor(x[k]);
+        if (!c->known || memcmp(s, c->first, sizeof s)) read_corners(map->level + l, s, c);
+        for (int n = 0; n < 8 && c->whole; n++) {
             double away = 0;
-            int s[3];
             for (int k = 0; k < 3; k++) {
-                const double x = (i[k] + 0.5) / (1 << l) - 0.5;
-                s[k] = (int)floor(x) + (c >> k & 1);
-                away += (x - s[k]) * (x - s[k]);
+                const double d = x[k] - (s[k] + (n >> k & 1));
+                away += d * d;
             }
-            whole = cn_map_find(map->level + l, s, &brick, &offset);
-            const int code = whole ? map->level[l].value[(int64_t)brick * CN_MAP_CELLS + offset] : CN_MAP_FAR;
-            whole = whole && code != CN_MAP_FAR;
-            best = fmin(best, code * CN_MAP_QUANTUM + sqrt(away));
+            best = fmin(best, c->distance[n] + sqrt(away));
         }
-        if (whole) return best * (1 << l);
+        if (c->whole) return best * (1 << l);
     }
     return cell_distance(map, i);
 }
@@ -335,8 +363,9 @@ static void order_cells(void *user, int task)
 {
     const job *j = user;
     const int end = (task + 1) * CHUNK < j->ncell ? (task + 1) * CHUNK : j->ncell;
+    corners around[CN_MAP_LEVELS] = {0}; /* cells side by side have the same */
     for (int c = task * CHUNK; c < end; c++)
-        j->cell[c].distance = (float)upper(j->map, j->cell[c].id);
+        j->cell[c].distance = (float)upper(j->map, j->cell[c].id, around);
 }
 
 static void measure_cells(void *user, int task)
@@ -401,6 +430,19 @@ static void find_adjacent(job *j)
         }
 }
 
+static bool find_beside(job *j)
+{
+    const cn_map_level *level = j->map->level;
+    if (!(j->beside = malloc(((size_t)level->nbrick + 1) * sizeof *j->beside))) return false;
+    for (int b = 0; b < level->nbrick; b++)
+        for (int n = 0; n < 27; n++) {
+            int q[3];
+            neighbour(level->place[b], n, q);
+            j->beside[b][n] = cn_map_brick_at(level, q);
+        }
+    return true;
+}
+
 cn_status cn_map_find_ridge(cn_map *map, const cn_world *world, cn_pool *pool)
 {
     job j = {.map = map, .world = world};
@@ -408,7 +450,8 @@ cn_status cn_map_find_ridge(cn_map *map, const cn_world *world, cn_pool *pool)
     int *twig = NULL;
     if (map->bare) return CN_OK;
     find_adjacent(&j);
-    if (!(j.ridge = calloc((size_t)map->level->nbrick + 1, 8 * sizeof *j.ridge))) goto done;
+    if (!(j.ridge = calloc((size_t)map->level->nbrick + 1, 8 * sizeof *j.ridge)) || !find_beside(&j))
+        goto done;
     for (j.level = 0; j.level < map->nlevel; j.level++) {
         const cn_map_level *level = map->level + j.level;
         if (!(j.candidate[j.level] = calloc((size_t)level->nbrick + 1, 8 * sizeof *j.ridge))) goto done;
@@ -420,7 +463,6 @@ cn_status cn_map_find_ridge(cn_map *map, const cn_world *world, cn_pool *pool)
     cn_pool_run(pool, (j.ncell + CHUNK - 1) / CHUNK, order_cells, &j);
     if ((status = sort_cells(&j)) != CN_OK) goto done;
     thin(&j);
-
     status = CN_ERR_MEMORY;
     if (!(twig = malloc(((size_t)j.ncell + 1) * sizeof *twig))) goto done;
     for (int k = 0; k < PRUNINGS; k++) {
@@ -441,6 +483,6 @@ cn_status cn_map_find_ridge(cn_map *map, const cn_world *world, cn_pool *pool)
 done:
     for (int l = 0; l < CN_MAP_LEVELS; l++)
         free(j.candidate[l]);
-    free(j.ridge), free(j.cell), free(twig);
+    free(j.ridge), free(j.beside), free(j.cell), free(twig);
     return status;
 }
