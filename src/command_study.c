@@ -219,6 +219,7 @@ static int study_detection(int argc, char **argv)
 static int study_one(int argc, char **argv)
 {
     if (argc > 0 && !strcmp(argv[0], "table1")) return study_program("table1.py", argc - 1, argv + 1);
+    if (argc > 0 && !strcmp(argv[0], "soak")) return study_program("soak.py", argc - 1, argv + 1);
     if (argc > 0 && !strcmp(argv[0], "device")) return study_program("device.py", argc - 1, argv + 1);
     if (argc > 0 && !strcmp(argv[0], "skin")) {
         for (int i = 1; i < argc; i++)
@@ -246,7 +247,8 @@ static const char help[] =
     "    catnav study table1 [--scenes NAME,...] [--seconds S] [--steps N] [--states N] [--whole]\n"
     "        [--out DIR] [--threads N]\n"
     "    catnav study skin speed|bezier|smooth [REPEATS]\n"
-    "    catnav study skin shape ANCHORS\n\n"
+    "    catnav study skin shape ANCHORS\n"
+    "    catnav study soak LOG.csv [--out DIR]\n\n"
     "DESCRIPTION\n"
     "    DIR     Error against run time for every body model, solver, integrator and the first paper's\n"
     "            method on problems with known answers; contact beside theory (wall forces in a bend, push,\n"
@@ -285,10 +287,13 @@ static const char help[] =
     "            vertex and threads; frames a second of Bezier skins against control points and\n"
     "            intervals, beside a skin of as many vertices; the sharpest edge of bent capsules\n"
     "            against anchors a vertex; and the shape of one of them.\n\n"
+    "    soak    Memory, handles and time of a step against time, of the log that a soak of the node left\n"
+    "            (scripts/ros/hammer.py soak --seconds S --out DIR): DIR/soak.svg, .png and .csv.\n\n"
     "OPTIONS\n"
     "    --quick          the same on fewer and smaller cases, in a minute\n"
     "    --every-cell     the whole stability grid with every solver, not a part of it: an hour\n"
-    "    --only PART      accuracy, theory, contact, stability, speed, detection, left_out or skin alone\n"
+    "    --only PART      accuracy, theory, contact, stability, speed, detection, left_out, skin or soak\n"
+    "                     alone\n"
     "    --scenes NAME,.. of table1: these alone\n"
     "    --seconds S      of table1 and device: wall time that one run may take (default: 900)\n"
     "    --closeness E    of device: largest that passes and least that does not, relative (default: 0.05)\n"
@@ -296,7 +301,7 @@ static const char help[] =
     "                     most 200 (default)\n"
     "    --states N       of table1: steps of the paper's method from each state (default: 50)\n"
     "    --total N        of paper: accepted steps of the run, where they are known: it runs once then\n"
-    "    --out DIR        of paper, table1 and device: where CSV and JSON go (default: build/study)\n"
+    "    --out DIR        of paper, table1, device and soak: where tables go (default: build/study)\n"
     "    --set KEY=VALUE  of paper: changes the scene before it is read, as in catnav run\n"
     "    --threads N      worker threads (default: one a core)\n"
     "    --quiet          of paper: prints errors only\n\n"

@@ -27,7 +27,9 @@ import time
 import rosgraph
 import rospy
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.realpath(__file__)), '../../test/ros'))
+HERE = os.path.dirname(os.path.realpath(__file__))
+sys.path[:0] = os.path.join(HERE, '../../test/ros'), os.path.join(HERE, '../study')
+import soak as study  # noqa: E402
 import roslib.packages  # noqa: E402
 from actionlib import CommState  # noqa: E402
 from actionlib_msgs.msg import GoalID  # noqa: E402
@@ -39,7 +41,6 @@ from dynamic_reconfigure.srv import Reconfigure  # noqa: E402
 from geometry_msgs.msg import Point  # noqa: E402
 from shapes import ActionClient, Client, message, name_of, tube  # noqa: E402
 
-HERE = os.path.dirname(os.path.realpath(__file__))
 TUBE = tube([0, 0, 0], [0, 0, 0.08], 0.004)
 ROUTE = [(0, 0, 0.01), (0, 0, 0.06)]
 SHORT = [(0, 0, 0.01), (0, 0, 0.024)]  # the tip begins 10 mm past the entry
@@ -361,25 +362,6 @@ def crowd(seconds=60, clients=64, **_):
     return not errors and not unknown and alive and code == 0
 
 
-COLUMNS = 'time_s', 'memory_bytes', 'handles', 'cpu_ms_a_step', 'cpu_ms_a_step_newborn', 'wall_ms_a_step', 'crossings'
-
-
-def plot(rows, folder):
-    """soak.svg: memory, handles and step time of the repeated plan."""
-    import matplotlib
-    matplotlib.use('Agg')
-    from matplotlib import pyplot
-    _, axes = pyplot.subplots(3, 1, sharex=True, figsize=(8, 6))
-    minutes = [r[0] / 60 for r in rows]
-    axes[0].plot(minutes, [r[1] / 2**20 for r in rows], '.', markersize=2)
-    axes[1].plot(minutes, [r[2] for r in rows], '.', markersize=2)
-    axes[2].plot(minutes, [r[3] / r[4] for r in rows], '.', markersize=2)
-    for axis, name in zip(axes, ('memory [MiB]', 'handles', 'processor time of a step,\nnewborn process = 1')):
-        axis.set_ylabel(name)
-    axes[-1].set_xlabel('time [min]')
-    pyplot.savefig(os.path.join(folder, 'soak.svg'))
-
-
 class Newborn:
     """The same plan by the command, in a process that lives no longer: what the machine gives a step at that moment."""
 
@@ -411,19 +393,9 @@ def lay_fork(node):
 
 def soaked(rows, replans, alive):
     """Says what the rows show; True where every promise was kept."""
-    settled = [r for r in rows if r[0] > min(600, rows[-1][0] / 3)]
-    third = len(rows) // 3
-    tenth = len(settled) // 10 + 1
-    growth, handles = (median(r[i] for r in settled[-tenth:]) - median(r[i] for r in settled[:tenth]) for i in (1, 2))
-    most = max(r[1] for r in settled) - settled[0][1]
-    # of each third the tenth percentile: what a step takes where nobody else disturbs it
-    least = [[sorted(r[i] for r in part)[len(part) // 10] for part in (rows[:third], rows[-third:])] for i in (3, 4, 5)]
-    own, newborn, wall = (100 * (last / first - 1) for first, last in least)
-    drift = own - newborn
-    crossings = sum(r[6] for r in rows)
-    print(f'soak, {rows[-1][0]:.0f} s: {len(rows)} times the same plan, {replans} replans; after 10 minutes memory {growth / 2**20:+.2f} MiB '
-          f'(at most {most / 2**20:+.2f}), handles {handles:+d}; processor time of a step, last third to first: {own:+.1f} % '
-          f'({newborn:+.1f} % in newborn processes), drift {drift:+.1f} %, by the wall clock {wall:+.1f} %; crossings {crossings}', flush=True)
+    f = study.figures(rows)
+    print(f'{study.sentence(f)}; {replans} replans', flush=True)
+    growth, handles, drift, crossings = (f[k] for k in ('memory_growth_bytes', 'handles_growth', 'step_drift_percent', 'crossings'))
     if rows[-1][0] < 600:  # nothing has settled yet
         return alive and growth < 32 * 2**20 and handles <= 16 and crossings == 0
     return alive and growth < 2**20 and handles <= 0 and drift < 5 and crossings == 0 and replans > 0
@@ -437,7 +409,7 @@ def soak(seconds=7200, out=None, **_):
     folder = out or tempfile.mkdtemp(prefix='catnav_soak_')
     os.makedirs(folder, exist_ok=True)
     log = open(os.path.join(folder, 'soak.csv'), 'w', buffering=1)
-    print(*COLUMNS, sep=',', file=log)
+    print(*study.COLUMNS, sep=',', file=log)
     while time.monotonic() - start < seconds or len(rows) < 3:
         what = dice.random()
         if what < 0.2:
@@ -474,7 +446,7 @@ def soak(seconds=7200, out=None, **_):
             told = time.monotonic()
     alive = node.process.poll() is None
     node.close()
-    plot(rows, folder)
+    study.plot(rows, folder)
     return soaked(rows, replans, alive)
 
 

@@ -7,6 +7,7 @@ import time
 import contact
 import detection
 import equal
+import soak
 import stability
 
 
@@ -316,6 +317,11 @@ def skin_part(study, found):
     return lines + ["[CSV](tissue.csv), [JSON](tissue.json)", ""]
 
 
+def soak_part(notes, figures):
+    return ["## A node over hours", "", "Not measured here: a kept log. " + " ".join(notes), "", soak.sentence(figures) + ".",
+            ""] + picture("soak", "memory, handles and step time against time")
+
+
 def write(study, parts):
     lines = ["# catnav study", "",
              "%s study of %s on %s, %d threads, %s; %.0f s in all, %d runs."
@@ -342,6 +348,8 @@ def write(study, parts):
         lines += left_out_part(parts["left_out"])
     if "skin" in parts:
         lines += skin_part(study, parts["skin"])
+    if "soak" in parts:
+        lines += soak_part(*parts["soak"])
     lines += ["Time taken: " + ", ".join("%s %.0f s" % item for item in study.took.items()) + ".", ""]
     if study.notes:
         lines += ["## Not run", ""] + ["- " + note for note in study.notes] + [""]

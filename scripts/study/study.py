@@ -15,12 +15,13 @@ import left_out
 import plots
 import report
 import skin
+import soak
 import speed
 import stability
 import theory
 import tools
 
-PARTS = ("accuracy", "theory", "contact", "stability", "speed", "detection", "left_out", "skin")
+PARTS = ("accuracy", "theory", "contact", "stability", "speed", "detection", "left_out", "skin", "soak")
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 
@@ -48,7 +49,7 @@ def main():
         return 1
     parts, run = {}, {"accuracy": accuracy.run, "theory": theory.run, "contact": contact.run,
                       "stability": stability.run, "speed": speed.run, "detection": detection.run,
-                      "left_out": left_out.run, "skin": skin.run}
+                      "left_out": left_out.run, "skin": skin.run, "soak": soak.run}
     for name in PARTS:
         if given.only in (None, name):
             begun = time.monotonic()

@@ -88,6 +88,27 @@ class Study(unittest.TestCase):
         self.run_it("paper", self.pipe, "--quiet")
         self.assertEqual(sorted(os.listdir(self.path("build/study"))), ["paper.csv", "paper.json"])
 
+    def test_the_log_of_a_soak_is_drawn_and_read(self):
+        log = os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../scripts/study/soak.csv")
+        done = subprocess.run([CATNAV, "study", "soak", log, "--out", self.path("soak")], capture_output=True, text=True,
+                              timeout=60)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertRegex(done.stdout, r"soak, \d{4} s: \d+ times .* crossings 0")
+        self.assertEqual(sorted(os.listdir(self.path("soak"))), ["soak.csv", "soak.png", "soak.svg"])
+        with open(self.path("grown.csv"), "w") as file:  # a MiB a minute, a handle a row, steps that take twice as long
+            file.write("time_s,memory_bytes,handles,cpu_ms_a_step,cpu_ms_a_step_newborn,wall_ms_a_step,crossings\n")
+            file.writelines("%d,%d,%d,%g,1,1,1\n" % (60 * i, 2**20 * i, i, 2 if i > 20 else 1) for i in range(40))
+        done = subprocess.run([CATNAV, "study", "soak", self.path("grown.csv"), "--out", self.path("grown")],
+                              capture_output=True, text=True, timeout=60)
+        self.assertRegex(done.stdout, r"memory \+27.* \(at most \+28.*handles \+27.*drift \+100.0 %.* crossings 40")
+        for text in ("", "a,b\n1,2\n", "time_s,memory_bytes\n"):
+            with open(self.path("bad.csv"), "w") as file:
+                file.write(text)
+            done = subprocess.run([CATNAV, "study", "soak", self.path("bad.csv"), "--out", self.path("bad")],
+                                  capture_output=True, text=True, timeout=60)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("bad.csv", done.stderr)
+
 
 class Everything(unittest.TestCase):
     """One quick study, looked at from all sides."""
