@@ -29,7 +29,7 @@ class Hammered(unittest.TestCase):
     def test_half_a_minute_of_everything_crosses_nothing_and_keeps_its_memory_and_handles(self):
         with tempfile.TemporaryDirectory() as folder:
             self.assertTrue(hammer.soak(seconds=25, out=folder))
-            self.assertEqual(sorted(os.listdir(folder)), ['soak.csv', 'soak.svg'])
+            self.assertEqual(sorted(os.listdir(folder)), ['soak.csv', 'soak.png', 'soak.svg'])
 
     def test_a_list_longer_than_its_message_is_not_made(self):
         node = hammer.Node()
