@@ -37,8 +37,9 @@ cmake --build "$out" -j"$jobs" >> "$out/build.log" 2>&1 && cmake "$out" >> "$out
 # reports go to files: nobody looks at the exit status of a node that roslaunch has started
 rm -rf "$out/reports" && mkdir "$out/reports"
 export ASAN_OPTIONS=detect_stack_use_after_return=1:log_path=$out/reports/address UBSAN_OPTIONS=log_path=$out/reports/undefined
+export CATNAV_PATIENCE=10 CATNAV_TIME_LIMIT=6000
 export LSAN_OPTIONS=suppressions=$root/test/ros/lsan.txt:print_suppressions=0
-cd "$out" && ctest -V -j"$jobs" -E 'command|fuzz' --timeout 3000 > test.log 2>&1
+cd "$out" && ctest -V -j"$jobs" -E 'command|fuzz' --timeout 12000 > test.log 2>&1
 status=0
 for report in "$out"/reports/*; do
     [ -f "$report" ] && status=1 && head -20 "$report"

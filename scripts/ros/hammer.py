@@ -39,7 +39,7 @@ from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
 from dynamic_reconfigure.msg import DoubleParameter  # noqa: E402
 from dynamic_reconfigure.srv import Reconfigure  # noqa: E402
 from geometry_msgs.msg import Point  # noqa: E402
-from shapes import ActionClient, Client, message, name_of, tube  # noqa: E402
+from shapes import PATIENCE, ActionClient, Client, message, name_of, tube  # noqa: E402
 
 TUBE = tube([0, 0, 0], [0, 0, 0.08], 0.004)
 ROUTE = [(0, 0, 0.01), (0, 0, 0.06)]
@@ -48,7 +48,7 @@ THROUGH_FORK = [(0, 0, 0.005), (0, 0, 0.19)]
 REPEATED = [(0, 0, 0.01), (0, 0, 0.04)]
 CLOSED = 'services closed by roscpp before their answer was read (ros_comm issue 1976)'
 LONG = 60  # [s] or times: short forms are judged by what does not depend on a shared machine
-WAIT = 120  # [s]: what takes longer never comes
+WAIT = 120 * PATIENCE  # [s]: what takes longer never comes
 
 
 class Node:
@@ -290,7 +290,7 @@ def flood(seconds=60, **_):
         print('no flood: 10000 a second were to be sent')
         return False
     served = verdict.code in (Verdict.REACHED, Verdict.BUSY)
-    return bool(alive and ended and served and int(figures['messages dropped']) > 0 and max(growth, max(higher[1], after[1]) - memory[1]) < 32 * 2**20 and
+    return bool(alive and ended and served and int(figures['messages dropped']) > 0 and max(growth, max(higher[1], after[1]) - memory[1]) < 32 * 2**20 * PATIENCE and
                 (seconds < LONG or (growth <= 2**20 and slower <= 2)))
 
 
@@ -397,7 +397,7 @@ def soaked(rows, replans, alive):
     print(f'{study.sentence(f)}; {replans} replans', flush=True)
     growth, handles, drift, crossings = (f[k] for k in ('memory_growth_bytes', 'handles_growth', 'step_drift_percent', 'crossings'))
     if rows[-1][0] < 600:  # nothing has settled yet
-        return alive and growth < 32 * 2**20 and handles <= 16 and crossings == 0
+        return alive and growth < 32 * 2**20 * PATIENCE and handles <= 16 and crossings == 0
     return alive and growth < 2**20 and handles <= 0 and drift < 5 and crossings == 0 and replans > 0
 
 

@@ -13,12 +13,12 @@ import rostest
 from actionlib_msgs.msg import GoalID, GoalStatus
 from catnav.msg import Limit, PlanCatheterActionGoal, PlanCatheterActionResult, PlanCatheterFeedback, Verdict
 
-from shapes import ActionClient, Client, name_of, tube
+from shapes import PATIENCE, ActionClient, Client, name_of, tube
 
 ROUTE = [(0, 0, 0.01), (0, 0, 0.06)]  # seconds at this step; the short one a fraction of one
 SHORT = [(0, 0, 0.01), (0, 0, 0.014)]
 IN_LIVER = [(0.04681, -0.13758, 0.70557), (0.0496, -0.1298, 0.8051)]  # a lumen whose map takes seconds
-WAIT = 60  # [s]: an end that never comes is an error, a slow one is not
+WAIT = 60 * PATIENCE  # [s]: an end that never comes is an error, a slow one is not
 CANCELS = int(os.environ.get('CATNAV_CANCELS', 0))  # the long form: so many cancels, each in time
 SHARED = 4  # times longer may a wait be where others share the machine
 

@@ -21,7 +21,7 @@ from nav_msgs.msg import Path
 from std_msgs.msg import Header
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerInit, InteractiveMarkerUpdate
 
-from shapes import ActionClient, Client, along, arc, isosurface, name_of, tube
+from shapes import PATIENCE, ActionClient, Client, along, arc, isosurface, name_of, tube
 
 # tf2_msgs' own Python module need not be there
 TFMessage = genpy.dynamic.generate_dynamic('tf2_msgs/TFMessage', 'geometry_msgs/TransformStamped[] transforms\n' + 80 * '='
@@ -30,7 +30,7 @@ TFMessage = genpy.dynamic.generate_dynamic('tf2_msgs/TFMessage', 'geometry_msgs/
 HERE = os.path.dirname(os.path.abspath(__file__))
 TUBE = tube([0, 0, 0], [0, 0, 0.08], 0.004)
 ROUTE = [(0, 0, 0.01), (0, 0, 0.02)]
-WAIT = 30  # [s]
+WAIT = 30 * PATIENCE  # [s]
 
 
 class Hand:

@@ -13,7 +13,7 @@ import rospy
 import rostest
 from catnav.msg import Limit, PlanCatheterActionGoal, PlanCatheterActionResult, SurfaceMesh, Verdict
 
-from shapes import ActionClient, Client, tube
+from shapes import PATIENCE, ActionClient, Client, tube
 
 NOT_THE_PLANS = {'time', 'left_out', 'memory_peak_bytes'}  # of a report: what the clock says
 
@@ -42,7 +42,7 @@ class Repeat(unittest.TestCase):
                 rospy.sleep(0.5)
                 goal = action.send([(0, 0, 0.01), (0.001, 0, 0.04), (0, 0, 0.06)], seed=5,
                                    limits=[Limit('', 'stress', 'max', 4e6)])
-                self.assertTrue(goal.done.wait(60))
+                self.assertTrue(goal.done.wait(60 * PATIENCE))
                 for recorder in recorders:
                     recorder.unregister()
                 self.assertEqual(sorted(heard), ['/catnav/artery_mesh', '/catnav/plan_action/goal'])
@@ -53,9 +53,9 @@ class Repeat(unittest.TestCase):
                              lambda message: (results.append(message.result), came.set()))
             subprocess.run(['rosbag', 'play', '--quiet', '--wait-for-subscribers', path,
                             '/catnav/artery_mesh:=/again/artery_mesh',
-                            '/catnav/plan_action/goal:=/again/plan_action/goal'], check=True, timeout=120,
+                            '/catnav/plan_action/goal:=/again/plan_action/goal'], check=True, timeout=120 * PATIENCE,
                            stdin=subprocess.DEVNULL)
-            self.assertTrue(came.wait(60), 'no result')
+            self.assertTrue(came.wait(60 * PATIENCE), 'no result')
         first, second = goal.result, results[0]
         self.assertEqual(first.verdict, second.verdict)
         for field in 'steps', 'replans', 'gap_min':

@@ -15,6 +15,7 @@ from visualization_msgs.msg import Marker
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../../scripts'))
 from send_mesh import message, read_surface  # noqa: E402,F401
 
+PATIENCE = float(os.environ.get('CATNAV_PATIENCE', 1))  # a node under sanitizers takes that much longer
 DATA = os.environ.get('CATNAV_DATA', os.path.join(os.path.dirname(os.path.abspath(__file__)), '../data'))
 
 

@@ -11,7 +11,7 @@ import rospy
 import rostest
 from catnav.msg import Limit, Verdict
 
-from shapes import DATA, Client, name_of, read_surface
+from shapes import DATA, PATIENCE, Client, name_of, read_surface
 
 with open(os.path.join(DATA, 'index.json')) as file:
     VESSELS = json.load(file)['vessels']
@@ -26,7 +26,7 @@ class Vessels(unittest.TestCase):
         scale = vessel['scale']
         vertices, triangles = read_surface(os.path.join(DATA, vessel['file']))
         vertices = np.array(vertices) * scale
-        self.assertTrue(self.client.send(vertices, triangles, wait=60), 'the mesh is not in force')
+        self.assertTrue(self.client.send(vertices, triangles, wait=60 * PATIENCE), 'the mesh is not in force')
         for route in vessel['routes']:
             with self.subTest(target=route['target']):
                 points = np.array([route['entry'], route['target']]) * scale
