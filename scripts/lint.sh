@@ -8,7 +8,7 @@ for tool in clang-tidy cppcheck catkin_lint; do
     command -v $tool > /dev/null || { echo "lint: $tool is not there: make packages-dev"; exit 1; }
 done
 cd "$root" || exit 1
-ls src/core/*.c src/*.c src/ros/*.c test/node/fake_ros.c | grep -vE 'kernel|solve_ladder\.c' |
+ls src/core/*.c src/*.c src/ros/*.c src/*/*.cpp test/node/fake_ros.c test/ros/flood.cpp | grep -vE 'kernel|solve_ladder\.c' |
     xargs -P "$(nproc)" -n 8 clang-tidy -p "$build" --quiet 2> /dev/null || status=1
 cppcheck -j "$(nproc)" --enable=warning,portability --std=c11 --quiet --error-exitcode=1 --inline-suppr \
     --suppressions-list=.cppcheck --template='{file}:{line}: {severity}: {message} [{id}]' -Iinclude -Isrc/core -Isrc/ros \

@@ -1,7 +1,7 @@
 #!/bin/sh
 # scripts/sanitize.sh address|thread BUILD [SECONDS]: tests under sanitizers, built into BUILD/asan or BUILD/tsan beside a
-# finished BUILD. `address`: every test in C, and the rostests. `thread`: the tests that use threads, without a suppression,
-# then 64 clients that make mixed calls to the node for SECONDS, where reports with libroscpp in the stack do not count.
+# finished BUILD. `address`: every test in C, and the rostests. `thread`: the tests that use threads, and 64 clients that
+# make mixed calls to the node for SECONDS; of these alone reports with libroscpp in the stack do not count.
 root=$(cd "$(dirname "$0")/.." && pwd)
 build=$2
 jobs=$(nproc)
@@ -38,7 +38,6 @@ cmake --build "$out" -j"$jobs" >> "$out/build.log" 2>&1 && cmake "$out" >> "$out
 rm -rf "$out/reports" && mkdir "$out/reports"
 export ASAN_OPTIONS=detect_stack_use_after_return=1:log_path=$out/reports/address UBSAN_OPTIONS=log_path=$out/reports/undefined
 export CATNAV_PATIENCE=10 CATNAV_TIME_LIMIT=6000
-export LSAN_OPTIONS=suppressions=$root/test/ros/lsan.txt:print_suppressions=0
 cd "$out" && ctest -V -j"$jobs" -E 'command|fuzz' --timeout 12000 > test.log 2>&1
 status=0
 for report in "$out"/reports/*; do

@@ -195,7 +195,7 @@ def stop(times=20, **_):
         node.close()
     print(f'SIGTERM: {times} times, ended after {max(delays[::2]):.2f} s at most while planning, {max(delays[1::2], default=0):.2f} '
           f'while a map was made; wrong: {wrong or "nothing"}')
-    return not wrong and max(delays) <= (1 if times >= 20 else 4)  # where others share the machine
+    return not wrong and max(delays) <= (1 if times >= 20 else 4 * PATIENCE)  # where others share the machine
 
 
 def kill(times=200, **_):

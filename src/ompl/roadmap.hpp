@@ -17,7 +17,7 @@ class LazyRoadmap : public ob::Planner
 {
   public:
     LazyRoadmap(const ob::SpaceInformationPtr &si, std::shared_ptr<DeviceCost> cost);
-    ~LazyRoadmap() override { clear(); }
+    ~LazyRoadmap() override { LazyRoadmap::clear(); }
 
     void addState(const double p[3]); // a state the caller vouches for
     // Draws until `most` vertices were tried in all; invalid draws count. ptc is asked now and then.
