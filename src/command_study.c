@@ -288,7 +288,7 @@ static const char help[] =
     "            intervals, beside a skin of as many vertices; the sharpest edge of bent capsules\n"
     "            against anchors a vertex; and the shape of one of them.\n\n"
     "    soak    Memory, handles and time of a step against time, of the log that a soak of the node left\n"
-    "            (scripts/ros/hammer.py soak --seconds S --out DIR): DIR/soak.svg, .png and .csv.\n\n"
+    "            (python3 scripts/ros/hammer.py soak --out DIR): DIR/soak.svg, .png and .csv.\n\n"
     "OPTIONS\n"
     "    --quick          the same on fewer and smaller cases, in a minute\n"
     "    --every-cell     the whole stability grid with every solver, not a part of it: an hour\n"

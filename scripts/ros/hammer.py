@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 """Treats a node of its own badly and says how it took it; starts a master where there is none.
 
-    hammer.py stop  [--times 20]                SIGTERM while it plans or maps: exit 0 within 1 s, no file half-written
-    hammer.py kill  [--times 200]               SIGKILL at random moments: back soon, nothing corrupt
-    hammer.py flood [--seconds 60]              meshes, goals and cancels as fast as they can be sent, beside a plan
-    hammer.py crowd [--seconds 60 --clients 64] clients that plan, cancel, save, load, set: one answer to every call
-    hammer.py soak  [--seconds 7200 --out DIR]  random plans, replans, cancels, bad requests: memory, handles, step time
+    python3 hammer.py stop  [--times 20]                SIGTERM while it plans or maps: exit 0 within 1 s, no file half-written
+    python3 hammer.py kill  [--times 200]               SIGKILL at random moments: back soon, nothing corrupt
+    python3 hammer.py flood [--seconds 60]              meshes, goals and cancels as fast as they can be sent, beside a plan
+    python3 hammer.py crowd [--seconds 60 --clients 64] clients that plan, cancel, save, load, set: one answer to every call
+    python3 hammer.py soak  [--seconds 7200 --out DIR]  random plans, replans, cancels, bad requests: memory, handles, step time
 
 Needs the package's environment (`. build/devel/setup.bash`); CATNAV_NODE: another build of the node. Ends with 1 when a
 promise was broken."""
