@@ -156,6 +156,11 @@ macro(catnav_ros_tests)
   if(CATNAV_LINT)
     add_test(NAME ros.lint COMMAND ${CATNAV_LINT} -W2 --strict --ignore package_path_name ${PROJECT_SOURCE_DIR})
   endif()
+  find_program(CATNAV_DOXYGEN doxygen)
+  if(CATNAV_DOXYGEN)
+    add_test(NAME unit.doc WORKING_DIRECTORY ${PROJECT_SOURCE_DIR} COMMAND sh -c
+      "mkdir -p $0/doc && (cat cmake/Doxyfile; echo OUTPUT_DIRECTORY = $0/doc) | ${CATNAV_DOXYGEN} -" ${PROJECT_BINARY_DIR})
+  endif()
   if(CATKIN_ENABLE_TESTING)
     find_package(rostest REQUIRED)
     add_executable(catnav_flood test/ros/flood.cpp) # hammer.py pours it over a node
