@@ -1,5 +1,6 @@
 /* fail_alloc.h - lets the n-th allocation of the code under test fail. Link the test with
- * -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc (and this file): calls from libraries are not touched. */
+ * -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=strdup,--wrap=open_memstream (and this file): calls
+ * from libraries are not touched. */
 #ifndef FAIL_ALLOC_H
 #define FAIL_ALLOC_H
 

@@ -310,6 +310,22 @@ static void the_table_and_the_json_say_the_same(void **state)
     cn_surface_free(s);
 }
 
+/* Without memory there is no table, never half of one. */
+static void tables_survive_every_failing_allocation(void **state)
+{
+    (void)state;
+    cn_doctor d = {.nvert = 8, .ntri = 12, .closed = true};
+    char *const whole = cn_doctor_text(&d, "box.stl");
+    assert_non_null(whole);
+    for (FAIL_EACH_ALLOC) {
+        char *text = cn_doctor_text(&d, "box.stl");
+        if (text) assert_string_equal(text, whole);
+        assert_true(text || fail_alloc_fired());
+        free(text);
+    }
+    free(whole);
+}
+
 static void the_doctor_of_tetrahedra_reports_what_is_refused(void **state)
 {
     cn_tets *t = NULL;
@@ -389,6 +405,7 @@ int main(void)
         cmocka_unit_test(the_unit_is_guessed_from_the_size),
         cmocka_unit_test(what_is_not_finite_or_empty_is_refused),
         cmocka_unit_test(the_table_and_the_json_say_the_same),
+        cmocka_unit_test(tables_survive_every_failing_allocation),
         cmocka_unit_test(the_doctor_of_tetrahedra_reports_what_is_refused),
         cmocka_unit_test(a_heap_of_nested_parts_ends_in_time),
         cmocka_unit_test(every_allocation_may_fail),
