@@ -87,7 +87,8 @@ typedef struct {
     const double *x, *dx; /* dx NULL: at rest */
     double gap, reach;
     cn_contact_part *part;
-    double margin; /* of the two surfaces at hand: their points are each within reach */
+    double margin;    /* of the two surfaces at hand: their points are each within reach */
+    double shared[3]; /* motion that both have: only what they move against each other counts */
 } search;
 
 typedef struct {
@@ -102,13 +103,13 @@ static void join(box *b, const box *other)
     }
 }
 
-/* Of a point over its motion. */
+/* Of a point over its motion, less what is shared. */
 static box box_of(const search *s, bool moves, int p)
 {
     const double *x = s->x + 3 * (size_t)p, *dx = moves ? s->dx + 3 * (size_t)p : NULL;
     box b;
     for (int k = 0; k < 3; k++) {
-        const double end = dx ? x[k] + dx[k] : x[k];
+        const double end = dx ? x[k] + (dx[k] - s->shared[k]) : x[k];
         b.min[k] = x[k] < end ? x[k] : end, b.max[k] = x[k] > end ? x[k] : end;
     }
     return b;
@@ -202,20 +203,21 @@ static void add_boxes(const search *s, side *a)
     join(&a->all, &a->corner[1]), join(&a->all, &a->corner[2]);
 }
 
-/* What a triangle spans along n over its motion. */
+/* What a triangle spans along n over its motion, less what is shared. */
 static void span(const search *s, const side *a, const double n[3], double *low, double *high)
 {
+    const double less = cn_dot(n, s->shared);
     *low = INFINITY, *high = -INFINITY;
     for (int k = 0; k < 3; k++) {
         const double h = cn_dot(n, s->x + 3 * (size_t)a->p[k]);
-        const double end = a->moves ? h + cn_dot(n, s->dx + 3 * (size_t)a->p[k]) : h;
+        const double end = a->moves ? h + (cn_dot(n, s->dx + 3 * (size_t)a->p[k]) - less) : h;
         const double least = h < end ? h : end, most = h > end ? h : end;
         *low = least < *low ? least : *low, *high = most > *high ? most : *high;
     }
 }
 
-/* True when triangle a stays on one side of the plane in which the other lies at first, farther than the
- * margin all the way. */
+/* True when triangle a stays on one side of the plane in which the other lies at first (and that goes along
+ * with what is shared), farther than the margin all the way. */
 static bool beside_plane(const search *s, const side *a, const side *b)
 {
     double low, high, below, above, n[3], e[2][3];
@@ -303,6 +305,9 @@ static bool add_triangle_pair(void *user, cn_place place_a, cn_place place_b)
     search *s = user;
     side a = side_of(s, place_a), b = side_of(s, place_b);
     s->margin = margin_of(s, place_a.surface, place_b.surface);
+    const bool both = a.moves && b.moves;
+    for (int k = 0; k < 3; k++)
+        s->shared[k] = both ? s->dx[3 * (size_t)b.p[0] + k] : 0;
     if (beside_plane(s, &a, &b) || beside_plane(s, &b, &a)) return true;
     add_boxes(s, &a), add_boxes(s, &b);
     if (!boxes_meet(&a.all, &b.all, s->margin)) return true;
