@@ -3,10 +3,12 @@
 
 #include <limits.h>
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
 #include "mesh_parts.h"
+#include "polar.h"
 
 /* --- rest shape --- */
 
@@ -95,9 +97,11 @@ static cn_status rest_shape(cn_body *body, const cn_wall_spec *spec, cn_error *e
     double sum = 0;
     for (int t = 0; t < body->nelement; t++) {
         double axis[3][3], p[3][2], grad[3][2], *b = sheet->strain + 27 * (size_t)t;
+        double *plane = sheet->plane + 12 * (size_t)t;
         cn_sheet_plane(body, t, axis, p);
         sheet->area[t] = cn_flat_gradients((const double(*)[2])p, grad) / 2;
         sum += sheet->area[t];
+        memcpy(plane, axis, 6 * sizeof *plane), memcpy(plane + 6, grad, 6 * sizeof *plane);
         for (int a = 0; a < 3; a++)
             for (int k = 0; k < 3; k++) {
                 b[3 * a + k] = grad[a][0] * axis[0][k];
@@ -123,6 +127,63 @@ static cn_status rest_shape(cn_body *body, const cn_wall_spec *spec, cn_error *e
     return CN_OK;
 }
 
+/* A colour for each triangle, greedy in their order; the last one is of those for which no other is left. */
+static cn_status colour_triangles(const cn_body *body, unsigned char *colour)
+{
+    uint64_t *seen = calloc((size_t)body->nnode, sizeof *seen); /* colours at each node */
+    if (!seen) return CN_ERR_MEMORY;
+    for (int t = 0; t < body->nelement; t++) {
+        const int *node = body->connect + (size_t)body->nper * (size_t)t;
+        uint64_t near = 0;
+        for (int a = 0; a < body->nper; a++)
+            near |= seen[node[a]];
+        while (colour[t] < CN_SHEET_COLOURS - 1 && near >> colour[t] & 1)
+            colour[t]++;
+        for (int a = 0; a < body->nper && colour[t] < CN_SHEET_COLOURS - 1; a++)
+            seen[node[a]] |= (uint64_t)1 << colour[t];
+    }
+    free(seen);
+    return CN_OK;
+}
+
+static void put_triangle(const cn_body *body, int t, cn_sheet_batch *batch, int lane)
+{
+    const cn_sheet *sheet = body->own;
+    const double nu = sheet->poisson, *grad = sheet->plane + 12 * (size_t)t + 6;
+    for (int i = 0; i < 4; i++)
+        batch->grad[i][lane] = grad[2 + i];
+    for (int a = 0; a < 3; a++)
+        batch->node[lane][a] = body->boundary->tri[3 * (size_t)t + (size_t)a];
+    batch->size[lane] = sheet->young / (1 - nu * nu) * sheet->thickness * sheet->area[t];
+    batch->triangle[lane] = t;
+}
+
+static cn_status pack_triangles(cn_body *body)
+{
+    cn_sheet *sheet = body->own;
+    const int most = body->nelement / CN_SHEET_LANES + CN_SHEET_COLOURS;
+    unsigned char *colour = calloc((size_t)body->nelement, 1);
+    sheet->batch = aligned_alloc(64, (size_t)most * sizeof *sheet->batch);
+    sheet->kernel = cn_sheet_kernel_pick(2);
+    cn_status status = colour && sheet->batch ? colour_triangles(body, colour) : CN_ERR_MEMORY;
+    for (int c = 0, k = 0; status == CN_OK && c < CN_SHEET_COLOURS; sheet->colour[++c] = k) {
+        int lane = 0;
+        for (int t = 0; t < body->nelement; t++) {
+            if (colour[t] != c) continue;
+            cn_sheet_batch *batch = sheet->batch + k;
+            if (lane == 0)
+                for (int i = 0; i < CN_SHEET_LANES; i++)
+                    put_triangle(body, t, batch, i), batch->size[i] = 0;
+            put_triangle(body, t, batch, lane);
+            batch->n = ++lane;
+            if (lane == CN_SHEET_LANES) lane = 0, k++;
+        }
+        k += lane > 0;
+    }
+    free(colour);
+    return status;
+}
+
 /* --- stiffness --- */
 
 /* Root R of the plane-stress law for E / (1 - nu^2) = 1: stress = R'R strain. */
@@ -134,18 +195,27 @@ static void root_law(double nu, double root[3][3])
     root[2][2] = sqrt((1 - nu) / 2);
 }
 
-/* Adds B' R'R B times scale^2 for n nodes, B (3 x 3n): symmetric to the last bit. */
-static void add_element(cn_matrix *k, const int *node, int n, const double *b, double scale, double nu)
+/* Adds B' R'R B times scale^2 for n nodes, B (3 x 3n), turned by `turn` (NULL: not): symmetric to the last
+ * bit. block: where blocks of the pattern k lie in `to` (NULL: there). */
+static void add_element(const cn_matrix *k, const int *block, double *to, const int *node, int n,
+                        const double *b, const double *turn, double scale, double nu)
 {
     double root[3][3], v[3][3 * CN_SHELL_NODES];
     root_law(nu, root);
     for (int r = 0; r < 3; r++)
         for (int i = 0; i < 3 * n; i++)
             v[r][i] = scale * (root[r][0] * b[i] + root[r][1] * b[3 * n + i] + root[r][2] * b[6 * n + i]);
+    for (int r = 0; turn && r < 3; r++)
+        for (int i = 0; i < n; i++) {
+            double before[3];
+            cn_copy3(v[r] + 3 * i, before);
+            cn_mat_vec(turn, before, v[r] + 3 * i);
+        }
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++) {
             if ((i > 2 && node[i] == node[0]) || (j > 2 && node[j] == node[0])) continue; /* missing ones */
-            double *value = k->value + 9 * (size_t)cn_matrix_find(k, node[i], node[j]);
+            const int at = cn_matrix_find(k, node[i], node[j]);
+            double *value = to + 9 * (size_t)(block ? block[at] : at);
             for (int p = 0; p < 3; p++)
                 for (int q = 0; q < 3; q++)
                     for (int r = 0; r < 3; r++)
@@ -153,21 +223,33 @@ static void add_element(cn_matrix *k, const int *node, int n, const double *b, d
         }
 }
 
+/* The elements' share of the matrix, times `times`; rotation NULL: at rest. */
+static void add_elements(const cn_body *body, const double *rotation, double times, const int *block,
+                         double *to)
+{
+    const cn_sheet *sheet = body->own;
+    const double nu = sheet->poisson, h = sheet->thickness, plate = sheet->young / (1 - nu * nu) * h;
+    for (int t = 0; t < body->nelement; t++) {
+        const int *node = body->connect + (size_t)body->nper * (size_t)t;
+        const double scale = sqrt(times * plate * sheet->area[t]);
+        double turn[9];
+        if (rotation) cn_quaternion_matrix(rotation + 4 * (size_t)t, turn);
+        add_element(sheet->stiffness, block, to, node, 3, sheet->strain + 27 * (size_t)t,
+                    rotation ? turn : NULL, scale, nu);
+        if (sheet->curvature)
+            add_element(sheet->stiffness, block, to, node, CN_SHELL_NODES,
+                        sheet->curvature + 9 * CN_SHELL_NODES * (size_t)t, rotation ? turn : NULL,
+                        scale * h / sqrt(12), nu);
+    }
+}
+
 static cn_status assemble(cn_body *body)
 {
     cn_sheet *sheet = body->own;
-    const double nu = sheet->poisson, h = sheet->thickness, plate = sheet->young / (1 - nu * nu) * h;
     const int first = 0;
     const cn_status status = cn_matrix_new(&sheet->stiffness, 1, (const cn_body *const *)&body, &first);
     if (status != CN_OK) return status;
-    for (int t = 0; t < body->nelement; t++) {
-        const int *node = body->connect + (size_t)body->nper * (size_t)t;
-        const double scale = sqrt(plate * sheet->area[t]);
-        add_element(sheet->stiffness, node, 3, sheet->strain + 27 * (size_t)t, scale, nu);
-        if (sheet->curvature)
-            add_element(sheet->stiffness, node, CN_SHELL_NODES,
-                        sheet->curvature + 9 * CN_SHELL_NODES * (size_t)t, scale * h / sqrt(12), nu);
-    }
+    add_elements(body, NULL, 1, NULL, sheet->stiffness->value);
     double sum = 0;
     for (int i = 0; i < body->nnode; i++) {
         double *value = sheet->stiffness->value + 9 * (size_t)sheet->stiffness->diagonal[i];
@@ -196,7 +278,7 @@ static cn_status allocate(cn_body *body, const cn_surface *surface, const cn_wal
     body->own = sheet, body->methods = &cn_body_wall;
     body->model = shell ? CN_BODY_SHELL : CN_BODY_MEMBRANE;
     body->nnode = body->nblock = body->npoint = surface->nvert, body->nelement = surface->ntri;
-    body->nper = shell ? CN_SHELL_NODES : 3, body->lever = 1;
+    body->nper = shell ? CN_SHELL_NODES : 3, body->lever = 1, body->nturn = surface->ntri + 1;
     sheet->thickness = spec->thickness, sheet->young = spec->young, sheet->poisson = spec->poisson;
     body->connect = calloc(ntri, (size_t)body->nper * sizeof *body->connect);
     body->rest = body->point = calloc(n, 3 * sizeof *body->rest);
@@ -205,10 +287,11 @@ static cn_status allocate(cn_body *body, const cn_surface *surface, const cn_wal
     sheet->foundation = calloc(n, sizeof *sheet->foundation);
     sheet->area = calloc(ntri, sizeof *sheet->area);
     sheet->strain = calloc(ntri, 27 * sizeof *sheet->strain);
+    sheet->plane = calloc(ntri, 12 * sizeof *sheet->plane);
     sheet->across = calloc(ntri, 3 * sizeof *sheet->across);
     if (shell) sheet->curvature = calloc(ntri, 9 * CN_SHELL_NODES * sizeof *sheet->curvature);
     if (!body->connect || !body->rest || !body->mass || !body->boundary || !sheet->foundation ||
-        !sheet->area || !sheet->strain || !sheet->across || (shell && !sheet->curvature))
+        !sheet->area || !sheet->strain || !sheet->plane || !sheet->across || (shell && !sheet->curvature))
         return CN_ERR_MEMORY;
     body->boundary->nvert = surface->nvert, body->boundary->ntri = surface->ntri;
     if (!(body->boundary->tri = calloc(ntri, 3 * sizeof *surface->tri))) return CN_ERR_MEMORY;
@@ -234,6 +317,7 @@ cn_status cn_body_new_wall(cn_body **out, const cn_surface *surface, const cn_wa
     if ((status = rest_shape(body, spec, error)) != CN_OK) goto fail;
     if ((status = find_across(body, ((cn_sheet *)body->own)->across)) != CN_OK) goto fail;
     if (spec->model == CN_WALL_SHELL && (status = cn_shell_rest(body, error)) != CN_OK) goto fail;
+    if ((status = pack_triangles(body)) != CN_OK) goto fail;
     if ((status = assemble(body)) != CN_OK) goto fail;
     *out = body;
     return CN_OK;
@@ -252,6 +336,8 @@ static void wall_free(cn_body *body)
     free(sheet->foundation);
     free(sheet->area);
     free(sheet->strain);
+    free(sheet->plane);
+    free(sheet->batch);
     free(sheet->curvature);
     free(sheet->across);
     free(sheet);
@@ -265,7 +351,7 @@ void cn_body_wall_rims(const cn_body *body, unsigned char *on_rim)
         if (across[i] == -1) on_rim[tri[i]] = on_rim[tri[i % 3 == 2 ? i - 2 : i + 1]] = 1;
 }
 
-/* --- force and stiffness: rows of a constant matrix --- */
+/* --- force and stiffness: rows of a constant matrix, while triangles do not turn --- */
 
 static cn_status wall_bind(cn_scatter *scatter, int first)
 {
@@ -321,12 +407,29 @@ static void elastic_task(void *user, int task)
     }
 }
 
+/* The matrix of a wall whose triangles turn: as the rotations have them. */
+static void add_turned_stiffness(const cn_body *body, const double *rotation, double scale,
+                                 const cn_scatter *stiffness)
+{
+    const cn_sheet *sheet = body->own;
+    const cn_matrix *k = sheet->stiffness;
+    add_elements(body, rotation, scale, stiffness->block, stiffness->matrix->value);
+    for (int i = 0; i < body->nnode; i++)
+        for (int c = 0; c < 9; c += 4)
+            stiffness->matrix->value[9 * (size_t)stiffness->block[k->diagonal[i]] + (size_t)c] +=
+                scale * sheet->foundation[i];
+}
+
 static double wall_add_elastic(const cn_body *body, int nactive, const double *x, double *rotation, double *f,
                                cn_tangent tangent, double scale, const cn_scatter *stiffness, cn_pool *pool)
 {
     elastic_job job = {.body = body, .x = x, .f = f, .scale = scale, .stiffness = stiffness};
     double energy = 0;
-    (void)nactive, (void)rotation, (void)tangent;
+    (void)nactive, (void)tangent;
+    if (cn_sheet_turns(body, rotation)) {
+        if (stiffness) add_turned_stiffness(body, rotation, scale, stiffness);
+        return cn_sheet_add_turned(body, x, f, pool);
+    }
     cn_pool_run(pool, CN_SHEET_TASKS, elastic_task, &job);
     for (int i = 0; i < CN_SHEET_TASKS; i++)
         energy += job.energy[i];

@@ -1,16 +1,30 @@
-/* body_wall.h - deformable walls: triangles on an elastic foundation, their stiffness constant.
+/* body_wall.h - deformable walls: triangles on an elastic foundation.
  *
- * A triangle of thickness h lies in plane stress, its small strain measured about the rest shape; a shell's
- * also bends (body_shell.c). Strain and curvature are linear in the displacements u of the element's nodes
- * (body->connect): rows xx, yy, 2xy in a frame of the triangle's own. Nothing is rotated back: a wall that
- * turns by an angle a shows a strain of 1 - cos a, about a^2 / 2, which is the error of it. */
+ * A triangle of thickness h lies in plane stress; a shell's also bends (body_shell.c). Strain and curvature
+ * are linear in the displacements u of the element's nodes (body->connect): rows xx, yy, 2xy in a frame of
+ * the triangle's own. A wall begins as one that hardly turns: its stiffness is constant, and by an angle a
+ * shows a strain of 1 - cos a, about a^2 / 2, that is none. Once that counts its triangles turn
+ * (body_wall_turn.c), and the matrix stays constant between places to which it is turned anew. */
 #ifndef CN_BODY_WALL_H
 #define CN_BODY_WALL_H
 
+#include <stddef.h>
 #include "body_methods.h"
 
 enum { CN_SHEET_TASKS = 64 }; /* ranges of nodes or triangles, whatever the number of threads */
+enum { CN_SHEET_COLOURS = 65 };
 enum { CN_SHELL_NODES = 12 }; /* own three, those across the edges, those across the neighbours' edges */
+
+/* Eight triangles, one a lane; empty lanes are copies of the first without a size. */
+enum { CN_SHEET_LANES = 8 };
+typedef struct {
+    double grad[4][CN_SHEET_LANES]; /* of barycentric coordinates 1, 2 along the two axes [1/m] */
+    double size[CN_SHEET_LANES];    /* E h / (1 - nu^2) times the area [N m] */
+    int node[CN_SHEET_LANES][3], triangle[CN_SHEET_LANES];
+    int n, unused[15]; /* to a multiple of 64 bytes */
+} cn_sheet_batch;
+/* Membrane part of batches [begin, end): energy [J]; adds the forces to f (may be NULL). */
+typedef double (*cn_sheet_kernel)(const cn_body *body, const double *x, double *f, int begin, int end);
 
 /* A wall as a body; cn_wall is what contact knows of it. */
 typedef struct {
@@ -19,8 +33,13 @@ typedef struct {
     double *area;         /* of each triangle [m^2]                         (nelement)           */
     double *strain;       /* per displacement of the corners [1/m]          (nelement x 3 x 9)   */
     double *curvature;    /* shell: of the element's nodes [1/m^2], or NULL (nelement x 3 x 36)  */
-    int *across;          /* on edge k of triangle t: other side's 3 t + k; -1: a rim, -2: of more than two
-                             triangles                                      (nelement x 3)       */
+    double *plane; /* two axes at rest; of each corner the gradients of its barycentric coordinate along
+                      them [1/m]                                     (nelement x 6 + 6)      */
+    cn_sheet_batch *batch; /* triangles by colours: those of one share no node, but for the last's */
+    int colour[CN_SHEET_COLOURS + 1]; /* the batch with which they begin */
+    cn_sheet_kernel kernel;           /* for this processor */
+    int *across; /* on edge k of triangle t: other side's 3 t + k; -1: a rim, -2: of more than two
+                    triangles                                      (nelement x 3)       */
     double thickness, young, poisson;
 } cn_sheet;
 
@@ -29,6 +48,34 @@ void cn_sheet_plane(const cn_body *body, int t, double axis[3][3], double place[
 /* Gradients of the barycentric coordinates in the plane [1/m], from the corners' places there; returns twice
  * the signed area. */
 double cn_flat_gradients(const double p[3][2], double grad[3][2]);
+
+/* most: 2 AVX-512, 1 AVX2, 0 neither. */
+cn_sheet_kernel cn_sheet_kernel_pick(int most);
+
+/* --- body_wall_turn.c --- */
+
+/* A triangle's axes at rest and now, the third across it (rows), and U of F = R U in its plane: 00, 11, 01.
+ */
+typedef struct {
+    double rest[9], now[9], u[3], inverse[3];
+} cn_sheet_frame;
+void cn_sheet_polar(const cn_body *body, int t, const double *x, cn_sheet_frame *out);
+/* Strain U - 1, and the curvature [1/m] of displacements rotated back (0 of a membrane): xx, yy, 2xy. */
+void cn_sheet_strain(const cn_body *body, int t, const double *x, const cn_sheet_frame *frame,
+                     double strain[3], double curvature[3]);
+/* Adds the force of a wall whose triangles turn to f (may be NULL); returns its energy. */
+double cn_sheet_add_turned(const cn_body *body, const double *x, double *f, cn_pool *pool);
+/* The rotations of a wall: quaternions to which the matrix is turned, and last whether triangles turn. */
+static inline bool cn_sheet_turns(const cn_body *body, const double *rotation)
+{
+    return rotation && rotation[4 * (size_t)body->nelement] == 0;
+}
+/* They do once one has turned by so much [rad]; and the matrix is turned anew by every so much. */
+#define CN_SHEET_TURNS 0.1
+/* Largest angle of a triangle from where the rotations have it [rad]. */
+double cn_sheet_turn(const cn_body *body, const double *x, const double *rotation, cn_pool *pool);
+/* From now on triangles turn, and the matrix is turned to where they are. */
+void cn_sheet_follow(const cn_body *body, const double *x, double *rotation, cn_pool *pool);
 
 double cn_sheet_energy(const cn_body *body, int nactive, const double *x, double *rotation, cn_pool *pool);
 

@@ -1,4 +1,5 @@
-/* body_wall_measure.c - what limits measure of a wall, from its triangles' strains and curvatures. */
+/* body_wall_measure.c - what limits measure of a wall, from its triangles' strains and curvatures rotated
+ * back. */
 #include "body_wall.h"
 
 #include <math.h>
@@ -15,22 +16,6 @@ typedef struct {
         int volume_element, stress_element, inverted;
     } part[CN_SHEET_TASKS];
 } measure_job;
-
-/* out = B u for the first n nodes of an element, u counted from its first node's: a shift gives zero. */
-static void strain_of(const cn_body *body, const double *x, const int *node, int n, const double *b,
-                      double out[3])
-{
-    double first[3];
-    cn_sub(x + 3 * (size_t)node[0], body->rest + 3 * (size_t)node[0], first);
-    out[0] = out[1] = out[2] = 0;
-    for (int a = 1; a < n; a++)
-        for (int k = 0; k < 3; k++) {
-            const size_t i = 3 * (size_t)node[a] + (size_t)k;
-            const double u = x[i] - body->rest[i] - first[k];
-            for (int r = 0; r < 3; r++)
-                out[r] += b[3 * n * r + 3 * a + k] * u;
-        }
-}
 
 /* Von Mises of plane stress. */
 static double von_mises_of(const cn_sheet *sheet, const double strain[3])
@@ -64,12 +49,11 @@ static void measure_task(void *user, int task)
     const double shrink = (1 - 2 * sheet->poisson) / (1 - sheet->poisson);
     job->part[task].volume_max = job->part[task].stress_max = -1;
     for (int t = begin; t < end; t++) {
-        const int *node = body->connect + (size_t)body->nper * (size_t)t;
-        double strain[3], bend[3] = {0}, side[2][3];
-        strain_of(body, job->x, node, 3, sheet->strain + 27 * (size_t)t, strain);
-        if (sheet->curvature)
-            strain_of(body, job->x, node, CN_SHELL_NODES, sheet->curvature + 9 * CN_SHELL_NODES * (size_t)t,
-                      bend);
+        const int *corner = body->boundary->tri + 3 * (size_t)t;
+        double strain[3], bend[3], side[2][3];
+        cn_sheet_frame frame;
+        cn_sheet_polar(body, t, job->x, &frame);
+        cn_sheet_strain(body, t, job->x, &frame, strain, bend);
         for (int k = 0; k < 3; k++) {
             side[0][k] = strain[k] + sheet->thickness / 2 * bend[k];
             side[1][k] = strain[k] - sheet->thickness / 2 * bend[k];
@@ -79,7 +63,7 @@ static void measure_task(void *user, int task)
         cn_keep_largest(worst, t, &job->part[task].volume_max, &job->part[task].volume_element);
         job->part[task].change += change;
         job->part[task].growth += change * sheet->area[t] * sheet->thickness;
-        job->part[task].inverted += turned_over(body, job->x, node);
+        job->part[task].inverted += turned_over(body, job->x, corner);
         if (!job->with_stress && !job->von_mises) continue;
         const double a = von_mises_of(sheet, side[0]), b = von_mises_of(sheet, side[1]);
         const double stress = a >= b || a != a ? a : b;

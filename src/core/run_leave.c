@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include "body_wall.h"
 #include "catnav/vec3.h"
 #include "geometry.h"
 #include "tree.h"
@@ -143,11 +144,21 @@ static bool meets_itself(cn_run_data *run, int b, const cn_state *state, long mo
     return m->pairs <= m->most;
 }
 
+static bool is_sheet(const cn_body *body)
+{
+    return body->model == CN_BODY_MEMBRANE || body->model == CN_BODY_SHELL;
+}
+
 void cn_run_watch(cn_run_data *run)
 {
     cn_leave *leave = &run->leave;
     const cn_switch left_out = run->scene->leave_out.self_contact;
     meeting m;
+    for (int b = 0; b < run->nbody && !leave->turned; b++) {
+        const cn_body *body = run->model->body[b].body;
+        if (is_sheet(body) && cn_sheet_turns(body, run->state->body[b].rotation))
+            leave->turned = run->state->step;
+    }
     if (left_out == CN_ON || !leave->self) return;
     if (left_out != CN_OFF && (leave->every <= 0 || run->report->steps % leave->every)) return;
     for (int b = 0; b < run->nbody; b++) {
@@ -334,56 +345,35 @@ static void refit(cn_run_data *run)
     if (same) entry->error = 0;
 }
 
-static void across_triangle(const double *x, const int corner[3], double n[3])
-{
-    double e[2][3];
-    for (int k = 0; k < 2; k++)
-        cn_sub(x + 3 * corner[k + 1], x + 3 * corner[0], e[k]);
-    cn_cross(e[0], e[1], n);
-}
-
-/* By how much a triangle has turned out of its rest plane, most [rad]. */
-static double turn_of(const cn_body *body, const double *x)
-{
-    double most = 0, before[3], now[3], about[3];
-    for (int t = 0; t < body->boundary->ntri; t++) {
-        const int *corner = body->boundary->tri + 3 * (size_t)t;
-        across_triangle(body->rest, corner, before), across_triangle(x, corner, now);
-        cn_cross(before, now, about);
-        most = fmax(most, atan2(cn_norm(about), cn_dot(before, now)));
-    }
-    return most;
-}
-
-/* Of the walls that give way, in what was kept of the run. */
+/* By how much a triangle of the walls that give way had turned in what was kept of the run, most [rad]. */
 static double wall_turn(const cn_run_data *run)
 {
     double most = 0;
-    for (int b = 0; b < run->nbody; b++) {
-        const cn_body *body = run->model->body[b].body;
-        if (body->model != CN_BODY_MEMBRANE && body->model != CN_BODY_SHELL) continue;
-        for (int i = 0; i < run->leave.nshot; i++)
-            most = fmax(most, turn_of(body, run->leave.shot[i].after->body[b].x));
-    }
+    for (int b = 0; b < run->nbody; b++)
+        for (int i = 0; is_sheet(run->model->body[b].body) && i < run->leave.nshot; i++) {
+            const cn_body_state *at = &run->leave.shot[i].after->body[b];
+            most = fmax(most, cn_sheet_turn(run->model->body[b].body, at->x, at->rotation, run->pool));
+        }
     return most;
 }
 
-/* A wall's stiffness stays that of its rest shape: a part that turns by an angle a shows a strain of a^2 / 2,
- * by which its nodes are off at most, in proportion to its size. */
+/* As long as a wall's stiffness is that of its rest shape, a part that has turned by an angle a shows a
+ * strain of a^2 / 2, by which its nodes are off at most, in proportion to its size. */
 static void frozen_wall(cn_run_data *run)
 {
-    const double turn = wall_turn(run);
+    const int turned = run->leave.turned;
+    const double turn = turned ? 0 : wall_turn(run);
     cn_left_out *entry =
-        entry_of(run, "wall_solve",
-                 "walls that give way are factored once: none of their triangles was seen turned by more "
-                 "than %.2g rad",
-                 turn);
-    if (run->leave.nshot > 0) entry->error = 0.5 * turn * turn;
-    if (turn > 0.1)
-        CN_LOG(CN_LOG_WARNING,
-               "a wall that gives way turned by %.2g rad, its stiffness did not: it shows a strain of %.1g "
-               "that is none; a stiffer foundation or a softer device turns it less",
-               turn, 0.5 * turn * turn);
+        turned ? entry_of(run, "wall_solve",
+                          "the turning of walls that give way, until step %d: from there on a triangle had "
+                          "turned by more than %.2g rad",
+                          turned, CN_SHEET_TURNS)
+               : entry_of(run, "wall_solve",
+                          "walls that give way are factored once: none of their triangles was seen turned by "
+                          "more than %.2g rad",
+                          turn);
+    const double most = turned ? CN_SHEET_TURNS : turn;
+    if (turned || run->leave.nshot > 0) entry->error = 0.5 * most * most;
 }
 
 static void wall_solve(cn_run_data *run)

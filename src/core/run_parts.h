@@ -61,6 +61,7 @@ typedef struct {
     cn_shot shot[CN_SHOTS];
     int kept_steps; /* with an earlier factor */
     cn_self *self;  /* (nbody) */
+    int turned;     /* walls turn from this step on, 0: not so far */
 } cn_leave;
 
 typedef struct cn_run_data cn_run_data;

@@ -308,7 +308,7 @@ static const cn_schema planner_schema = {planner_keys, NULL};
 #define LEAVE(what, meaning) {#what, CN_KEY_CHOICE, 0, "auto", -1, 0, "", meaning, AT(cn_scene, leave_out.what), SWITCH}
 static const cn_key leave_out_keys[] = {
     LEAVE(self_contact, "tests of a body against itself"), LEAVE(refit, "refits of trees over what does not move"),
-    LEAVE(refactor, "new factors of a matrix that hardly changed"), LEAVE(wall_solve, "solves of walls nobody touches"),
+    LEAVE(refactor, "new factors of a matrix that hardly changed"), LEAVE(wall_solve, "the turning of walls that give way; on: they do not give way"),
     LEAVE(inertia, "accelerations in slow motion"), LEAVE(stress, "stress nobody asks for"), {0}};
 static const cn_schema leave_out_schema = {leave_out_keys, NULL};
 

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include "body_wall.h"
 #include "catnav/vec3.h"
 #include "polar.h"
 #include "rod.h"
@@ -81,8 +82,13 @@ cn_status cn_state_new(cn_state **out, const cn_model *model)
     state->nbody = model->nbody, state->size = size;
     state->body = (cn_body_state *)(state + 1);
     lay_out(state, model);
-    for (int b = 0; b < model->nbody; b++)
+    for (int b = 0; b < model->nbody; b++) {
+        const cn_body *body = model->body[b].body;
         start_body(&model->body[b], &state->body[b]);
+        if (model->scene->leave_out.wall_solve == CN_OFF &&
+            (body->model == CN_BODY_MEMBRANE || body->model == CN_BODY_SHELL))
+            cn_sheet_follow(body, state->body[b].x, state->body[b].rotation, NULL);
+    }
     return CN_OK;
 }
 

@@ -15,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include "catnav/vec3.h"
+#include "body_wall.h"
 #include "polar.h"
 #include "rod_spin.h"
 
@@ -389,6 +390,36 @@ static cn_status check(cn_work *work, const cn_state *state, cn_findings *findin
                             findings, work->pool);
 }
 
+static bool inside_out(const double *x, const int node[4])
+{
+    double e[3][3], across[3];
+    for (int k = 0; k < 3; k++)
+        cn_sub(x + 3 * node[k + 1], x + 3 * node[0], e[k]);
+    cn_cross(e[0], e[1], across);
+    return !(cn_dot(across, e[2]) > 0);
+}
+
+/* Tetrahedron t, or of second order one of the eight that its nodes part it into: it has the faces that
+ * contact sees. One that lies in the sheath, its nodes from npoint on, is left out. */
+static bool turns_out(const cn_body *b, const double *x, int npoint, int t)
+{
+    static const int eight[8][4] = {{0, 4, 6, 7}, {4, 1, 5, 8}, {6, 5, 2, 9}, {7, 8, 9, 3},
+                                    {4, 9, 5, 6}, {4, 9, 6, 7}, {4, 9, 7, 8}, {4, 9, 8, 5}};
+    int node[10];
+    memcpy(node, b->tet + 4 * t, 4 * sizeof *node);
+    if (b->mid) memcpy(node + 4, b->mid + 6 * t, 6 * sizeof *node);
+    bool out = false;
+    for (int i = 0; i < (b->mid ? 10 : 4); i++)
+        out |= node[i] < npoint;
+    if (!out) return false;
+    if (!b->mid) return inside_out(x, node);
+    for (int k = 0; k < 8; k++) {
+        const int part[4] = {node[eight[k][0]], node[eight[k][1]], node[eight[k][2]], node[eight[k][3]]};
+        if (inside_out(x, part)) return true;
+    }
+    return false;
+}
+
 /* Could the body cross itself now: by its axis, or by a tetrahedron that is inside out? */
 static bool folds(const cn_group *g, int p, const cn_state *trial)
 {
@@ -401,18 +432,18 @@ static bool folds(const cn_group *g, int p, const cn_state *trial)
     if (part->body->worn && b->model == CN_BODY_ROD) return false; /* tetrahedra that only ride on it */
     gather(work, trial);
     const double *x = part->body->worn ? to->x : work->points + 3 * (size_t)work->surfaces->surface[p].first;
-    for (int t = 0; t < b->ntet; t++) {
-        const int *tet = b->tet + 4 * t;
-        double e[3][3], across[3];
-        bool out = tet[0] < npoint;
-        for (int k = 0; k < 3; k++) {
-            out = out && tet[k + 1] < npoint;
-            cn_sub(x + 3 * tet[k + 1], x + 3 * tet[0], e[k]);
-        }
-        cn_cross(e[0], e[1], across);
-        if (out && !(cn_dot(across, e[2]) > 0)) return true;
-    }
+    for (int t = 0; t < b->ntet; t++)
+        if (turns_out(b, x, npoint, t)) return true;
     return false;
+}
+
+static void follow_wall(const cn_stage *s, cn_body_state *to)
+{
+    const cn_body *b = s->part->body->body;
+    if (memcmp(to->x, s->from->x, 3 * (size_t)b->nnode * sizeof(double)) &&
+        cn_sheet_turn(b, to->x, to->rotation, s->part->pool) >
+            (cn_sheet_turns(b, to->rotation) ? 0.03 : CN_SHEET_TURNS))
+        cn_sheet_follow(b, to->x, to->rotation, s->part->pool);
 }
 
 /* Longest way of a node in the step. */
@@ -513,6 +544,7 @@ cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial,
         for (int k = 3 * i; k < 3 * i + 3 && !explicit; k++)
             to->v[k] = (s->part->u[k] - s->part->lag[k]) / s->h + (gives_back ? s->part->ahead[k] : 0);
         cn_body_turn(s->part->body->body, s->nactive, to->x, to->rotation);
+        if (s->part->sheet) follow_wall(s, to);
         cn_sheath_release(s->part->body, to);
         cn_drive_progress(s->part->body, to, s->path);
     }
@@ -637,7 +669,9 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
         const cn_body *b = part->body->body;
         const cn_body_state *to = &trial->body[part->index];
         const size_t all = 3 * (size_t)b->nblock * sizeof(double);
-        s->rotation = b->nblock > b->nnode ? frames_at_start(part, s->from, to) : to->rotation;
+        s->rotation = b->nblock > b->nnode ? frames_at_start(part, s->from, to)
+                      : part->sheet        ? s->from->rotation
+                                           : to->rotation;
         cn_stage_external(s, last_stage(s, to, state->time, dt));
         memset(part->elastic, 0, all), memset(part->path, 0, all), memset(part->touch, 0, all);
         memset(part->damped, 0, all);

@@ -45,8 +45,8 @@ typedef struct {
     int rank;                           /* in the work's order */
     double room;                        /* cn_fold_room at the step's start [m] */
     bool settled;                       /* in balance, and nothing touches it: left out of the iteration */
-    bool sheet;                         /* a wall that deforms: its matrix is constant, ... */
-    double sheet_h;                     /* ... factored for this step, 0: not yet */
+    bool sheet;                         /* a wall that deforms: its matrix is constant through a step, ... */
+    double sheet_h;                     /* ... factored for this one, at factored_turn; 0: not yet */
     bool factored;                      /* the solver holds a factor of an earlier iteration, made ... */
     int factored_nfree;                 /* ... with this many free nodes */
     double factored_h;                  /* ... and this step */
@@ -211,7 +211,7 @@ bool cn_stage_iterative(const cn_group *g); /* some solver is */
 cn_status cn_wall_solve_new(cn_wall_solve **out, cn_work *work, double h, cn_error *error);
 void cn_wall_solve_free(cn_wall_solve *wall);
 int cn_wall_part(const cn_wall_solve *wall); /* which of the work's */
-/* The constant matrix of a wall for this step, and its factor, unless they are there. */
+/* The matrix of a wall for this step, as its rotations turn it, and its factor, unless they are there. */
 cn_status cn_wall_factor(const cn_stage *s);
 /* Notes the links on the wall and what it gives way under each; false where they are too many, or of another
  * kind: they are solved as all links are then. */

@@ -1,8 +1,9 @@
 /* step_wall.c - one wall that deforms, its unknowns condensed where it is touched.
  *
- * The wall's matrix A_w is constant. With links k j j', j = (j_r, j_w) over the other bodies and the wall,
- * and their forces y, A_w dw = b_w - j_w' y; hence with its compliance C = j_w A_w^-1 j_w'
- * (wall_compliance.h) S y = j_r dr + j_w A_w^-1 b_w ,  S = 1/k + C , and the other bodies are left with (A_r
+ * The wall's matrix A_w is constant but for when its triangles are turned anew. With links k j j', j = (j_r,
+ * j_w) over the other bodies and the wall, and their forces y, A_w dw = b_w - j_w' y; hence with its
+ * compliance C = j_w A_w^-1 j_w' (wall_compliance.h) S y = j_r dr + j_w A_w^-1 b_w ,  S = 1/k + C , and the
+ * other bodies are left with (A_r
  * + j_r' S^-1 j_r) dr = b_r - j_r' S^-1 j_w A_w^-1 b_w. S is small and dense. Of the other bodies' matrices
  * the links' own part k j_r j_r' is taken off again. */
 #include "step_parts.h"
@@ -18,6 +19,7 @@ static const int sizes[SIZES] = {48, 120, 240, 480, LINKS};
 struct cn_wall_solve {
     int part;
     double h;
+    double *turn; /* rotations of the wall whose matrix the compliance is of (nturn x 4) */
     cn_compliance *compliance;
     int nlink, *link;         /* contact's (LINKS) */
     int nvertex, *vertex;     /* touched (VERTICES) */
@@ -56,11 +58,12 @@ cn_status cn_wall_factor(const cn_stage *s)
     cn_part *part = s->part;
     const cn_body *b = part->body->body;
     const double over = (part->model->inertia ? 1 / (s->h * s->h) : 0) + b->damping / s->h;
-    if (part->sheet_h == s->h) return CN_OK;
-    part->sheet_h = 0;
+    const size_t turns = 4 * (size_t)b->nturn * sizeof(double);
+    if (part->sheet_h == s->h && !memcmp(part->factored_turn, s->rotation, turns)) return CN_OK;
+    part->sheet_h = 0, memcpy(part->factored_turn, s->rotation, turns);
     cn_matrix_clear(part->matrix, b->nblock);
     memset(part->cg[0], 0, 3 * (size_t)b->nblock * sizeof *part->cg[0]);
-    cn_body_add_elastic(b, b->nnode, b->rest, NULL, part->cg[0], CN_TANGENT_EXACT, 1, part->scatter,
+    cn_body_add_elastic(b, b->nnode, b->rest, s->rotation, part->cg[0], CN_TANGENT_EXACT, 1, part->scatter,
                         part->pool);
     for (int i = 0; i < b->nnode; i++)
         for (int k = 0; k < 3; k++)
@@ -80,11 +83,19 @@ cn_status cn_wall_solve_new(cn_wall_solve **out, cn_work *work, double h, cn_err
         if (work->part[p].sheet) sheet = p, sheets++;
     if (sheets != 1 || work->npart < 2) return CN_OK;
     cn_part *part = &work->part[sheet];
-    const cn_stage stage = {.part = part, .h = h};
-    if (cn_wall_factor(&stage) != CN_OK) return CN_OK; /* the step says so */
-    const size_t n = (size_t)part->body->body->nnode;
+    const cn_body *body = part->body->body;
+    const size_t n = (size_t)body->nnode;
     cn_wall_solve *wall = calloc(1, sizeof *wall);
-    if (!wall) return CN_ERR_MEMORY;
+    if (!wall || !(wall->turn = calloc(4 * (size_t)body->nturn, sizeof *wall->turn))) {
+        free(wall);
+        return CN_ERR_MEMORY;
+    }
+    cn_body_rotation_start(body, wall->turn);
+    const cn_stage stage = {.part = part, .h = h, .rotation = wall->turn};
+    if (cn_wall_factor(&stage) != CN_OK) { /* the step says so */
+        cn_wall_solve_free(wall);
+        return CN_OK;
+    }
     wall->part = sheet, wall->h = h;
     wall->link = malloc(LINKS * sizeof *wall->link);
     wall->vertex = malloc(VERTICES * sizeof *wall->vertex);
@@ -122,7 +133,7 @@ void cn_wall_solve_free(cn_wall_solve *wall)
     for (int i = 0; i < SIZES; i++)
         cn_solver_free(wall->solver[i]), cn_matrix_free(wall->matrix[i]);
     free(wall->link), free(wall->vertex), free(wall->slot), free(wall->give), free(wall->column);
-    free(wall->y), free(wall->along), free(wall->ahead);
+    free(wall->turn), free(wall->y), free(wall->along), free(wall->ahead);
     free(wall);
 }
 
@@ -161,11 +172,24 @@ static bool note_links(cn_wall_solve *wall, const cn_work *work)
     return wall->nlink > 0;
 }
 
+/* The compliance is of the wall as its matrix is turned now. */
+static bool turn_with(cn_wall_solve *wall, const cn_stage *s)
+{
+    const size_t turns = 4 * (size_t)s->part->body->body->nturn * sizeof *wall->turn;
+    if (!memcmp(wall->turn, s->rotation, turns)) return true;
+    memset(wall->turn, 0, turns); /* of no wall, should it fail */
+    if (cn_compliance_refactor(wall->compliance, s->part->matrix) != CN_OK) return false;
+    memcpy(wall->turn, s->rotation, turns);
+    return true;
+}
+
 bool cn_wall_take(const cn_group *g)
 {
     const cn_work *work = g->work;
     cn_wall_solve *wall = work->wall;
     if (!wall || g->stage[wall->part].h != wall->h || !note_links(wall, work)) return false;
+    if (cn_wall_factor(&g->stage[wall->part]) != CN_OK || !turn_with(wall, &g->stage[wall->part]))
+        return false;
     if (cn_compliance_ensure(wall->compliance, wall->nvertex, wall->vertex) != CN_OK) return false;
     cn_compliance_gather(wall->compliance, wall->nvertex, wall->vertex, wall->give);
     wall->size = 0;

@@ -147,6 +147,13 @@ static bool make_room(cn_compliance *c, int npage)
     return c->nfree >= npage;
 }
 
+cn_status cn_compliance_refactor(cn_compliance *c, const cn_matrix *a)
+{
+    while (c->entry[c->n].newer != c->n)
+        drop(c, c->entry[c->n].newer);
+    return cn_sparse_factor(c->sparse, a, c->held);
+}
+
 /* --- columns --- */
 
 /* Whether the node at place q stays in the columns of the group's vertex k. */

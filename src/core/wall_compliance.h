@@ -22,6 +22,8 @@ typedef struct cn_compliance cn_compliance;
  * calls allocate nothing. CN_ERR_SINGULAR: not positive definite; CN_ERR_ARG: too few bytes. */
 cn_status cn_compliance_new(cn_compliance **out, const cn_matrix *a, const unsigned char *held, size_t bytes,
                             cn_error *error);
+/* Another matrix of the same pattern, with the same nodes held: its factor, and no columns yet. */
+cn_status cn_compliance_refactor(cn_compliance *compliance, const cn_matrix *a);
 void cn_compliance_free(cn_compliance *compliance); /* NULL is fine */
 
 /* Makes sure of the columns of these vertices; they stay until the next call. CN_ERR_ARG: an index out of
@@ -39,7 +41,7 @@ void cn_compliance_spread(const cn_compliance *compliance, int n, const int *ver
 
 typedef struct {
     long solves;  /* groups solved for */
-    long dropped; /* vertices whose columns made room */
+    long dropped; /* vertices whose columns made room, or were of an earlier matrix */
     int kept;     /* vertices whose columns are here */
     long nodes;   /* in the columns of all these, */
     size_t bytes; /* and the memory that they take */

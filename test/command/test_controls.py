@@ -198,16 +198,25 @@ class Doors(Runs):
         report = self.refused(BEND, "RAN", 0, "bodies.0.waypoints=[]", "time_limit=0.5")
         self.assertEqual((report["status"], report["steps"]), ("ran", 25))
 
-    def test_a_wall_that_turns_more_than_its_frozen_stiffness_bears_says_so(self):
+    def test_a_wall_turns_once_a_triangle_has_turned_by_a_tenth(self):
         wall = "{model: membrane, thickness: 1e-4, young: 1e5, poisson: 0.4, density: 1000, foundation: %g}"
-        turned = []
+        tip, entry = {}, {}
         for foundation in (1e6, 1e9):
-            report = self.run_it(BEND, "vessels.0.wall=" + wall % foundation, "bodies.0.model=rod", "time_limit=2")
-            entry = [e for e in report["left_out"] if e["what"] == "wall_solve"][0]
-            self.assertIn("factored once", entry["why"])
-            turned.append(entry["error"])
-        self.assertGreater(turned[0], 0.005)  # by more than 0.1 rad
-        self.assertLess(turned[1], 0.1 * turned[0])
+            for how in ("auto", "off"):
+                report = self.run_it(BEND, "vessels.0.wall=" + wall % foundation, "bodies.0.model=rod", "time_limit=2",
+                                     "leave_out.wall_solve=" + how)
+                self.assertEqual(report["contact"]["intersections"], 0)
+                tip[foundation, how] = report["bodies"][0]["tip"]
+                entry[foundation, how] = [e for e in report["left_out"] if e["what"] == "wall_solve"]
+        soft, firm = entry[1e6, "auto"][0], entry[1e9, "auto"][0]
+        self.assertRegex(soft["why"], "the turning of walls .* until step [1-9]")
+        self.assertAlmostEqual(soft["error"], 0.005)
+        self.assertIn("factored once", firm["why"])
+        self.assertLess(firm["error"], 0.005)
+        for foundation in (1e6, 1e9):  # nothing is left out where it is asked for
+            self.assertEqual(entry[foundation, "off"], [])
+            apart = distance(tip[foundation, "auto"], tip[foundation, "off"])
+            self.assertLess(apart, entry[foundation, "auto"][0]["error"] * 0.06)
 
     def test_what_is_not_available_is_said_in_words(self):
         wall = "{model: %s, thickness: 1e-4, young: 1e5, poisson: 0.4, density: 1000, foundation: 1e6}"

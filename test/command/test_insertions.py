@@ -33,7 +33,7 @@ class Insertions(unittest.TestCase):
         self.assertGreater(touched, COUNT / 5)
 
     def test_a_device_that_would_be_turned_inside_out_within_a_step_does_not_cross_itself(self):
-        for name in "back_through_itself", "twisted":  # by half a turn between two sections
+        for name in "back_through_itself", "twisted", "crushed":
             file = os.path.join(oracle_runs.DATA, "scenes", "inside_out", name + ".yaml")
             with tempfile.TemporaryDirectory() as folder:
                 run = oracle_runs.judged(folder, file, oracle_runs.read_scene(file))

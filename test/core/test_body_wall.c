@@ -133,7 +133,7 @@ static void a_thin_tube_widens_as_lames_does_alone_and_on_its_foundation(void **
 static void a_linear_field_is_exact_on_any_mesh(void **state)
 {
     (void)state;
-    const double g[9] = {1e-3, 4e-4, 0, -2e-4, 7e-4, 0, 0, 0, 0}; /* du/dx in the plane */
+    const double g[9] = {1e-3, 1e-4, 0, 1e-4, 7e-4, 0, 0, 0, 0}; /* du/dx in the plane, without a turn */
     const double w[3] = {0.4, -0.9, 0.3};
     double r[9];
     cn_rotation(w, r);
@@ -256,33 +256,135 @@ static void the_way_triangles_are_wound_does_not_matter(void **state)
     }
 }
 
-static void a_shift_changes_no_measure_and_a_turn_shows_the_frozen_strain(void **state)
+/* x = R rest + by */
+static void carry_off(fixture *s, const double turn[3], const double by[3])
+{
+    double r[9];
+    cn_rotation(turn, r);
+    for (int i = 0; i < s->body->nnode; i++) {
+        cn_mat_vec(r, s->body->rest + 3 * i, s->x + 3 * i);
+        cn_add(s->x + 3 * i, by, s->x + 3 * i);
+    }
+}
+
+static void a_turn_changes_no_measure_and_without_turning_triangles_shows_its_frozen_strain(void **state)
 {
     (void)state;
+    const double by[3] = {4, -8, 16}, none[3] = {0, 0, 0};
     for (int shell = 0; shell < 2; shell++) {
-        cn_surface *surface = wall_grid(8, 8, 0, false, wall_square);
-        fixture s = wall_of(surface, plain_wall[shell]);
-        const double by[3] = {4, -8, 16};
+        fixture s = wall_of(wall_grid(8, 8, 0, false, wall_square), plain_wall[shell]);
+        const double stress = 1e-11 * plain_wall[shell].young, plate = stress * s.body->rest_volume;
+        double *rotation = s.rotation;
         cn_measures m;
-        for (int i = 0; i < s.body->nnode; i++)
-            cn_add(s.body->rest + 3 * i, by, s.x + 3 * i);
-        cn_body_measure(s.body, s.body->nnode, s.x, NULL, true, &m, NULL, NULL);
-        assert_true(m.volume_max == 0 && m.stress_max == 0 && m.inverted == 0 &&
-                    m.volume == s.body->rest_volume);
+        carry_off(&s, none, by);
+        cn_body_measure(s.body, s.body->nnode, s.x, rotation, true, &m, NULL, NULL);
+        assert_true(m.volume_max < 1e-11 && m.stress_max < stress && m.inverted == 0);
+        assert_true(fabs(m.volume / s.body->rest_volume - 1) < 1e-11);
         if (shell) assert_true(m.energy == 0);
         for (int k = 0; k < 3; k++) {
             const double a = 0.4 / (1 << k),
-                         axis[3] = {0, a, 0}; /* out of its plane: one direction shortens */
-            double r[9];
-            cn_rotation(axis, r);
-            for (int i = 0; i < s.body->nnode; i++)
-                cn_mat_vec(r, s.body->rest + 3 * i, s.x + 3 * i);
-            cn_body_measure(s.body, s.body->nnode, s.x, NULL, true, &m, NULL, NULL);
-            const double nu = 0.3, plane = plain_wall[shell].young / (1 - nu * nu) * sqrt(1 - nu + nu * nu);
-            if (!shell)
-                printf("  turned by %.1f rad: strain %.4f, a^2/2 %.4f\n", a, m.stress_max / plane, a * a / 2);
-            assert_true(fabs(m.stress_max / (plane * (1 - cos(a))) - 1) < 1e-9);
+                         turn[3] = {0, a, 0}; /* out of its plane: one direction shortens */
+            const double nu = plain_wall[shell].poisson, h = plain_wall[shell].thickness, e = 1 - cos(a);
+            const double frozen = plain_wall[shell].young / (1 - nu * nu) * h * e * e / 2;
+            carry_off(&s, turn, none);
+            cn_body_measure(s.body, s.body->nnode, s.x, rotation, true, &m, NULL, NULL);
+            assert_true(m.volume_max < 1e-11 && m.stress_max < stress);
+            if (shell) assert_true(fabs(m.energy / frozen - 1) < 1e-9);
+            assert_true(fabs(cn_sheet_turn(s.body, s.x, rotation, NULL) - a) < 1e-7);
         }
+        cn_sheet_follow(s.body, s.x, rotation, NULL);
+        assert_true(cn_sheet_turns(s.body, rotation) && cn_sheet_turn(s.body, s.x, rotation, NULL) < 1e-7);
+        for (int k = 0; k < 4; k++) {
+            const double turn[4][3] = {{2.9, 0, 0}, {0, 3.1, 0.1}, {0.2, -0.1, -3}, {1, -0.7, 0.4}};
+            carry_off(&s, turn[k], none);
+            cn_body_measure(s.body, s.body->nnode, s.x, rotation, true, &m, NULL, NULL);
+            assert_true(m.volume_max < 1e-11 && m.stress_max < stress);
+            if (shell) assert_true(m.energy < 1e-9 * plate);
+            cn_body_rotation_start(s.body, rotation);
+            assert_true(fabs(cn_sheet_turn(s.body, s.x, rotation, NULL) - cn_norm(turn[k])) < 1e-7);
+            cn_sheet_follow(s.body, s.x, rotation, NULL);
+            assert_true(cn_sheet_turn(s.body, s.x, rotation, NULL) < 1e-7);
+        }
+        fixture_free(&s);
+    }
+}
+
+static void a_turned_walls_force_is_minus_the_gradient_of_its_energy_however_it_lies(void **state)
+{
+    (void)state;
+    for (int shell = 0; shell < 2; shell++)
+        for (int large = 0; large < 2; large++) {
+            cn_wall_spec spec = plain_wall[shell];
+            spec.foundation = 1e4, spec.thickness = 0.1;
+            fixture s = wall_of(wall_grid(5, 4, 0.2, false, wall_bent), spec);
+            const int n = 3 * s.body->nnode;
+            const double turn[3] = {1.1, -0.4, 0.7};
+            double *f = numbers(n), *rotation = s.rotation;
+            stir(&s, 3, large ? 0.08 : 0.01);
+            double r[9], x[3];
+            cn_rotation(turn, r);
+            for (int i = 0; i < s.body->nnode; i++)
+                cn_copy3(s.x + 3 * i, x), cn_mat_vec(r, x, s.x + 3 * i);
+            cn_sheet_follow(s.body, s.x, rotation, NULL);
+            cn_body_add_elastic(s.body, s.body->nnode, s.x, rotation, f, CN_TANGENT_EXACT, 1, NULL, NULL);
+            double net[3] = {0, 0, 0}, force = 0;
+            const double size = largest(f, n);
+            for (int i = 0; i < n; i++) {
+                const double xi = s.x[i], h = 1e-4;
+                double e[4];
+                for (int k = 0; k < 4; k++) { /* to fourth order */
+                    s.x[i] = xi + (k < 2 ? k - 2 : k - 1) * h;
+                    e[k] = cn_body_energy(s.body, s.body->nnode, s.x, rotation, NULL);
+                }
+                s.x[i] = xi;
+                const double slope = (e[0] - 8 * e[1] + 8 * e[2] - e[3]) / (12 * h);
+                assert_true(fabs(f[i] + slope) < 1e-7 * size);
+            }
+            spec.foundation = shell ? 0 : 1e-9; /* free, it pushes and turns itself nowhere */
+            fixture alone = wall_of(wall_grid(5, 4, 0.2, false, wall_bent), spec);
+            memset(f, 0, (size_t)n * sizeof *f);
+            cn_body_add_elastic(alone.body, s.body->nnode, s.x, rotation, f, CN_TANGENT_EXACT, 1, NULL, NULL);
+            double moment[3] = {0, 0, 0};
+            for (int i = 0; i < s.body->nnode; i++) {
+                double arm[3];
+                cn_cross(s.x + 3 * i, f + 3 * i, arm);
+                cn_add(net, f + 3 * i, net), cn_add(moment, arm, moment), force += cn_norm(f + 3 * i);
+            }
+            assert_true(cn_norm(net) < 1e-11 * force && cn_norm(moment) < 1e-10 * force);
+            free(f);
+            fixture_free(&s), fixture_free(&alone);
+        }
+}
+
+static void the_stiffness_of_a_turned_wall_is_that_of_rest_turned(void **state)
+{
+    (void)state;
+    for (int shell = 0; shell < 2; shell++) {
+        cn_wall_spec spec = plain_wall[shell];
+        spec.foundation = 1e4, spec.thickness = 0.1;
+        fixture s = wall_of(wall_grid(5, 4, 0.2, false, wall_bent), spec);
+        const int n = 3 * s.body->nnode;
+        const double turn[3] = {1.1, -0.4, 0.7}, none[3] = {0, 0, 0};
+        double *rotation = s.rotation, *f[2] = {numbers(n), numbers(n)}, *ku = numbers(n);
+        double *place = numbers(n);
+        carry_off(&s, turn, none);
+        cn_sheet_follow(s.body, s.x, rotation, NULL);
+        memcpy(place, s.x, (size_t)n * sizeof *place);
+        stir(&s, 5, 1); /* a direction */
+        for (int sign = 0; sign < 2; sign++) {
+            for (int i = 0; i < n; i++)
+                ku[i] = place[i] + (sign ? -1e-5 : 1e-5) * (s.x[i] - s.body->rest[i]);
+            cn_body_add_elastic(s.body, s.body->nnode, ku, rotation, f[sign], CN_TANGENT_EXACT, 1,
+                                sign ? NULL : s.scatter, NULL);
+        }
+        double *u = numbers(n);
+        for (int i = 0; i < n; i++)
+            u[i] = s.x[i] - s.body->rest[i];
+        cn_matrix_multiply(s.matrix, s.body->nnode, u, ku, NULL);
+        const double size = largest(ku, n);
+        for (int i = 0; i < n; i++)
+            assert_true(fabs((f[1][i] - f[0][i]) / 2e-5 - ku[i]) < 1e-6 * size);
+        free(f[0]), free(f[1]), free(ku), free(u), free(place);
         fixture_free(&s);
     }
 }
@@ -295,10 +397,13 @@ static void results_are_the_same_for_any_number_of_threads(void **state)
         const int n = s.body->nnode;
         double *f = numbers(3 * n), *k = numbers(9 * s.matrix->nblock), *stress = numbers(s.body->nelement);
         double *again = numbers(s.body->nelement), energy = 0;
+        const cn_sheet_kernel kernel = ((cn_sheet *)s.body->own)->kernel;
         cn_measures m[2];
         stir(&s, 21, 0.01);
-        for (int threads = 1; threads < 4; threads++) {
+        for (int run = 0; run < 6; run++) { /* as at rest, and turned */
+            const int threads = 1 + run % 3;
             cn_pool *pool;
+            if (run == 3) cn_sheet_follow(s.body, s.x, s.rotation, NULL);
             assert_int_equal(cn_pool_new(&pool, threads), CN_OK);
             const double e = fixture_force(&s, CN_TANGENT_EXACT, s.scatter, pool);
             cn_body_measure(s.body, n, s.x, NULL, true, &m[threads > 1], threads > 1 ? again : stress, pool);
@@ -313,6 +418,12 @@ static void results_are_the_same_for_any_number_of_threads(void **state)
             assert_memory_equal(stress, again, (size_t)s.body->nelement * sizeof *stress);
             assert_memory_equal(m, m + 1, sizeof *m);
         }
+        for (int most = 0; most < 2; most++) { /* nor does it matter how many numbers an instruction takes */
+            ((cn_sheet *)s.body->own)->kernel = cn_sheet_kernel_pick(most);
+            assert_true(fixture_force(&s, CN_TANGENT_EXACT, NULL, NULL) == energy);
+            assert_memory_equal(f, s.f, 3 * (size_t)n * sizeof *f);
+        }
+        ((cn_sheet *)s.body->own)->kernel = kernel;
         free(f), free(k), free(stress), free(again);
         fixture_free(&s);
     }
@@ -336,7 +447,8 @@ static void masses_rims_and_fields_are_as_the_header_says(void **state)
         assert_true(fabs(mass / (area * spec->thickness * spec->density) - 1) < 1e-12);
         assert_true(fabs(b->rest_volume / (area * spec->thickness) - 1) < 1e-12 && b->spring > 0);
         assert_int_equal(b->model, shell ? CN_BODY_SHELL : CN_BODY_MEMBRANE);
-        assert_true(b->nblock == b->nnode && b->npoint == b->nnode && b->ntet == 0 && b->nturn == 0);
+        assert_true(b->nblock == b->nnode && b->npoint == b->nnode && b->ntet == 0 &&
+                    b->nturn == b->nelement + 1);
         assert_true(b->point == b->rest && b->lever == 1 && b->boundary->ntri == b->nelement);
         assert_true(cn_body_points(b, b->nnode, s.x, NULL, NULL) == s.x);
         cn_body_element_centre(b, s.x, 5, centre);
@@ -500,7 +612,9 @@ int main(void)
         cmocka_unit_test(a_linear_field_is_exact_on_any_mesh),
         cmocka_unit_test(force_is_minus_the_energy_gradient_and_stiffness_its_derivative),
         cmocka_unit_test(the_way_triangles_are_wound_does_not_matter),
-        cmocka_unit_test(a_shift_changes_no_measure_and_a_turn_shows_the_frozen_strain),
+        cmocka_unit_test(a_turn_changes_no_measure_and_without_turning_triangles_shows_its_frozen_strain),
+        cmocka_unit_test(a_turned_walls_force_is_minus_the_gradient_of_its_energy_however_it_lies),
+        cmocka_unit_test(the_stiffness_of_a_turned_wall_is_that_of_rest_turned),
         cmocka_unit_test(results_are_the_same_for_any_number_of_threads),
         cmocka_unit_test(masses_rims_and_fields_are_as_the_header_says),
         cmocka_unit_test(a_frame_of_a_wall_has_its_triangles_and_their_stress),
