@@ -280,7 +280,7 @@ def flood(seconds=60, **_):
     verdict = node.client.plan(SHORT).verdict
     node.close()
     print(f'flood of {seconds} s: {sent} meshes, goals, cancels, {sum(sent) / seconds:.0f} a second, '
-          f'{(received[1] - received[0]) / seconds:.0f} of them arrived; memory, median and most, '
+          f'{(received[1] - received[0]) / seconds:.0f} of them arrived (the senders\' own queues of 100 dropped the rest); memory, median and most, '
           f'{in_mib(memory)} before, {in_mib(higher)} during, {in_mib(after)} MiB after; a step '
           f'{calm[0]:.2f} ms before, {flooded[0]:.2f} during, {flooded[0] / calm[0]:.2f} times (processor time {calm[1]:.3f} and '
           f'{flooded[1]:.3f} ms, {flooded[1] / calm[1]:.2f} times); {", ".join(f"{k} {v}" for k, v in figures.items() if "messages" in k or "refused" in k)}'

@@ -42,13 +42,13 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
 
   private:
     static constexpr double rate = 200;         // [1/s]: goals looked at; more than that waits, then drops
-    static constexpr size_t kept = 512;         // ended goals in the status list at most: two seconds' worth
+    static constexpr size_t kept = 128;         // ended goals in the status list at most: twice as many as wait
     static constexpr double between = 0.02;     // [s]: two status messages
     static constexpr double status_rate = 10.0; // [1/s]
 
     void initialize() override
     {
-        result_ = node_.advertise<PlanCatheterActionResult>("result", 128);
+        result_ = node_.advertise<PlanCatheterActionResult>("result", 64);
         feedback_ = node_.advertise<PlanCatheterActionFeedback>("feedback", 16);
         status_ = node_.advertise<actionlib_msgs::GoalStatusArray>("status", 2, true);
         status_list_timeout_ = ros::Duration(node_.param("status_list_timeout", 5.0));
