@@ -29,8 +29,8 @@ typedef struct cn_scatter cn_scatter;
  * z) is a tetrahedron's warm start of the polar decomposition (tet10: one for each integration point), which
  * calls update; a rod's are its frames at the start of the step (axes n, b, t: t along the rod) and behind
  * them (w 0 0 0), w the share of its rest curvature that is in force (1, but of a steered end); a wall's are
- * the turns of its triangles by which its stiffness is turned, and behind them (1 0 0 0) while triangles
- * count as not turned, (0 1 0 0) since; calls leave them.
+ * the turns and, as many again, the strains of its triangles to which its stiffness belongs, and behind them
+ * (1 0 0 0) while triangles count as not turned, (0 1 0 0) since; calls leave them.
  *
  * What walls, frames and rviz see are the points: the nodes themselves, or of a rod the nodes of the
  * tetrahedra that ride on its frames, as many for each node, in the order of the nodes. */
@@ -122,13 +122,13 @@ cn_status cn_body_new_molecules(cn_body **out, const cn_surface *surface, const 
  * triangles count as not turned, or with rotation NULL, strain is small and about the rest shape, the
  * stiffness its derivative; a part that turns by an angle a then shows a strain of 1 - cos a, about a^2 / 2.
  * Once they count as turned, strain is that of each triangle's own axes, and the stiffness the one of rest,
- * turned as the rotations say. Either way it does not change with x, is the same for every cn_tangent and
- * positive semidefinite, and a wall is active as a whole (nactive is not read). A membrane has plane stress
- * alone; a shell bends too, without rotational unknowns: rims turn freely, also where their positions are
- * held. The surface is copied, its vertices merged by the caller (cn_surface_check), wound either way; a
- * vertex of no triangle stays where it is. CN_ERR_ARG: thickness, young, poisson, density or foundation out
- * of range, the value named; CN_ERR_MESH: a triangle without area (<= 1e-14 of the mean), a vertex that is
- * not finite, in a shell an edge of three triangles. */
+ * turned as the rotations say, with the tension of the strains there. Either way it does not change with x,
+ * is the same for every cn_tangent and positive semidefinite, and a wall is active as a whole (nactive is not
+ * read). A membrane has plane stress alone; a shell bends too, without rotational unknowns: rims turn freely,
+ * also where their positions are held. The surface is copied, its vertices merged by the caller
+ * (cn_surface_check), wound either way; a vertex of no triangle stays where it is. CN_ERR_ARG: thickness,
+ * young, poisson, density or foundation out of range, the value named; CN_ERR_MESH: a triangle without area
+ * (<= 1e-14 of the mean), a vertex that is not finite, in a shell an edge of three triangles. */
 cn_status cn_body_new_wall(cn_body **out, const cn_surface *surface, const cn_wall_spec *spec,
                            cn_error *error);
 /* Which of a wall's vertices lie on rims: edges of one triangle. on_rim (nnode) becomes 1 or 0. */

@@ -243,6 +243,33 @@ static void add_elements(const cn_body *body, const double *rotation, double tim
     }
 }
 
+/* Out of their planes drawn triangles are held by their tension, as in the strains that the rotations have.
+ */
+static void add_tension(const cn_body *body, const double *rotation, double times, const int *block,
+                        double *to)
+{
+    const cn_sheet *sheet = body->own;
+    for (int t = 0; t < body->nelement; t++) {
+        const double *plane = sheet->plane + 12 * (size_t)t, *g = plane + 6;
+        const int *node = body->boundary->tri + 3 * (size_t)t;
+        double s[3], turn[9], rest[3], n[3];
+        cn_sheet_tension(sheet, cn_sheet_strains(body, rotation) + 4 * (size_t)t, s);
+        cn_quaternion_matrix(rotation + 4 * (size_t)t, turn);
+        cn_cross(plane, plane + 3, rest);
+        cn_mat_vec(turn, rest, n);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++) {
+                const double *p = g + 2 * a, *q = g + 2 * b;
+                const double held =
+                    times * sheet->area[t] *
+                    (s[0] * (p[0] * q[0]) + s[1] * (p[1] * q[1]) + s[2] * (p[0] * q[1] + q[0] * p[1]));
+                double *value = to + 9 * (size_t)block[cn_matrix_find(sheet->stiffness, node[a], node[b])];
+                for (int k = 0; k < 9; k++)
+                    value[k] += held * (n[k / 3] * n[k % 3]);
+            }
+    }
+}
+
 static cn_status assemble(cn_body *body)
 {
     cn_sheet *sheet = body->own;
@@ -278,7 +305,7 @@ static cn_status allocate(cn_body *body, const cn_surface *surface, const cn_wal
     body->own = sheet, body->methods = &cn_body_wall;
     body->model = shell ? CN_BODY_SHELL : CN_BODY_MEMBRANE;
     body->nnode = body->nblock = body->npoint = surface->nvert, body->nelement = surface->ntri;
-    body->nper = shell ? CN_SHELL_NODES : 3, body->lever = 1, body->nturn = surface->ntri + 1;
+    body->nper = shell ? CN_SHELL_NODES : 3, body->lever = 1, body->nturn = 2 * surface->ntri + 1;
     sheet->thickness = spec->thickness, sheet->young = spec->young, sheet->poisson = spec->poisson;
     body->connect = calloc(ntri, (size_t)body->nper * sizeof *body->connect);
     body->rest = body->point = calloc(n, 3 * sizeof *body->rest);
@@ -414,6 +441,7 @@ static void add_turned_stiffness(const cn_body *body, const double *rotation, do
     const cn_sheet *sheet = body->own;
     const cn_matrix *k = sheet->stiffness;
     add_elements(body, rotation, scale, stiffness->block, stiffness->matrix->value);
+    add_tension(body, rotation, scale, stiffness->block, stiffness->matrix->value);
     for (int i = 0; i < body->nnode; i++)
         for (int c = 0; c < 9; c += 4)
             stiffness->matrix->value[9 * (size_t)stiffness->block[k->diagonal[i]] + (size_t)c] +=
@@ -441,6 +469,14 @@ double cn_sheet_energy(const cn_body *body, int nactive, const double *x, double
     return wall_add_elastic(body, nactive, x, rotation, NULL, CN_TANGENT_EXACT, 1, NULL, pool);
 }
 
+static void wall_start(const cn_body *body, double *rotation)
+{
+    memset(rotation, 0, 4 * (size_t)body->nturn * sizeof *rotation);
+    for (int t = 0; t < body->nelement; t++)
+        rotation[4 * (size_t)t] = 1;
+    rotation[8 * (size_t)body->nelement] = 1;
+}
+
 static void wall_centre(const cn_body *body, const double *x, int element, double centre[3])
 {
     centre[0] = centre[1] = centre[2] = 0;
@@ -453,4 +489,5 @@ const cn_body_methods cn_body_wall = {.bind = wall_bind,
                                       .energy = cn_sheet_energy,
                                       .measure = cn_sheet_measure,
                                       .element_centre = wall_centre,
+                                      .rotation_start = wall_start,
                                       .free_own = wall_free};

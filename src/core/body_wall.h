@@ -65,16 +65,30 @@ void cn_sheet_strain(const cn_body *body, int t, const double *x, const cn_sheet
                      double strain[3], double curvature[3]);
 /* Adds the force of a wall whose triangles turn to f (may be NULL); returns its energy. */
 double cn_sheet_add_turned(const cn_body *body, const double *x, double *f, cn_pool *pool);
-/* The rotations of a wall: quaternions to which the matrix is turned, and last whether triangles turn. */
+/* The rotations of a wall: the quaternions and the strains (U - 1: 00, 11, 01) of its triangles to which the
+ * matrix belongs (nelement x 4 each), and last whether triangles turn. */
+static inline const double *cn_sheet_strains(const cn_body *body, const double *rotation)
+{
+    return rotation + 4 * (size_t)body->nelement;
+}
 static inline bool cn_sheet_turns(const cn_body *body, const double *rotation)
 {
-    return rotation && rotation[4 * (size_t)body->nelement] == 0;
+    return rotation && rotation[8 * (size_t)body->nelement] == 0;
 }
-/* They do once one has turned by so much [rad]; and the matrix is turned anew by every so much. */
-#define CN_SHEET_TURNS 0.1
-/* Largest angle of a triangle from where the rotations have it [rad]. */
-double cn_sheet_turn(const cn_body *body, const double *x, const double *rotation, cn_pool *pool);
-/* From now on triangles turn, and the matrix is turned to where they are. */
+/* They do once one has turned by so much [rad]. The matrix follows at the end of a step when a triangle's
+ * turn [rad] or strain has changed by so much since it did last; and at once, by less, where iterations with
+ * it converge slowly. */
+#define CN_SHEET_TURNS   0.1
+#define CN_SHEET_FOLLOWS 0.1
+#define CN_SHEET_SLOW    0.05
+/* Largest angle of a triangle from where the rotations have it [rad]; with `strain` also of its strains'
+ * changes. */
+double cn_sheet_turn(const cn_body *body, const double *x, const double *rotation, bool strain,
+                     cn_pool *pool);
+/* What of a strain's stress S holds a triangle in its plane, [N/m] 00, 11, 01: energy of a slope g is g S g /
+ * 2 an area, where pressure counts for none. */
+void cn_sheet_tension(const cn_sheet *sheet, const double strain[3], double tension[3]);
+/* From now on triangles turn, and the matrix is that of where they are. */
 void cn_sheet_follow(const cn_body *body, const double *x, double *rotation, cn_pool *pool);
 
 double cn_sheet_energy(const cn_body *body, int nactive, const double *x, double *rotation, cn_pool *pool);

@@ -181,7 +181,7 @@ typedef struct {
     const cn_body *body;
     const double *x;
     double *rotation;
-    double least[CN_SHEET_TASKS]; /* cosine of half an angle */
+    double least[CN_SHEET_TASKS], most[CN_SHEET_TASKS]; /* cosine of half an angle; change of strain */
     bool take;
 } follow_job;
 
@@ -192,30 +192,47 @@ static void follow_task(void *user, int task)
     job->least[task] = 1;
     for (int t = (int)((long long)n * task / CN_SHEET_TASKS);
          t < (int)((long long)n * (task + 1) / CN_SHEET_TASKS); t++) {
-        double q[4], *p = job->rotation + 4 * (size_t)t;
+        double q[4], *p = job->rotation + 4 * (size_t)t, *e = p + 4 * (size_t)n;
         cn_sheet_frame frame;
         cn_sheet_polar(job->body, t, job->x, &frame);
         quaternion_of(&frame, q);
+        const double strain[3] = {frame.u[0] - 1, frame.u[1] - 1, frame.u[2]};
         job->least[task] =
             fmin(job->least[task], fabs(p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]));
-        if (job->take) memcpy(p, q, sizeof q);
+        for (int k = 0; k < 3; k++)
+            job->most[task] = fmax(job->most[task], fabs(strain[k] - e[k]));
+        if (job->take) memcpy(p, q, sizeof q), memcpy(e, strain, sizeof strain);
     }
 }
 
-double cn_sheet_turn(const cn_body *body, const double *x, const double *rotation, cn_pool *pool)
+double cn_sheet_turn(const cn_body *body, const double *x, const double *rotation, bool strain, cn_pool *pool)
 {
     follow_job job = {.body = body, .x = x, .rotation = (double *)rotation}; /* not written: take is false */
-    double least = 1;
+    double least = 1, most = 0;
     cn_pool_run(pool, CN_SHEET_TASKS, follow_task, &job);
     for (int i = 0; i < CN_SHEET_TASKS; i++)
-        least = fmin(least, job.least[i]);
-    return 2 * acos(fmin(1, least));
+        least = fmin(least, job.least[i]), most = fmax(most, job.most[i]);
+    return fmax(2 * acos(fmin(1, least)), strain ? most : 0);
 }
 
 void cn_sheet_follow(const cn_body *body, const double *x, double *rotation, cn_pool *pool)
 {
     follow_job job = {.body = body, .x = x, .rotation = rotation, .take = true};
     cn_pool_run(pool, CN_SHEET_TASKS, follow_task, &job);
-    double *way = rotation + 4 * (size_t)body->nelement;
+    double *way = rotation + 8 * (size_t)body->nelement;
     way[0] = 0, way[1] = 1;
+}
+
+void cn_sheet_tension(const cn_sheet *sheet, const double strain[3], double tension[3])
+{
+    const double nu = sheet->poisson, plate = sheet->young / (1 - nu * nu) * sheet->thickness;
+    const double mean = (strain[0] + strain[1]) / 2, half = (strain[0] - strain[1]) / 2,
+                 radius = hypot(half, strain[2]);
+    double s[2];
+    for (int k = 0; k < 2; k++) { /* of principal strains, greater first */
+        const double e = mean + (k ? -radius : radius), other = mean + (k ? radius : -radius);
+        s[k] = fmax(0, plate * (e + nu * other) / fmax(1 + e, 1e-6));
+    }
+    const double centre = (s[0] + s[1]) / 2, apart = radius > 0 ? (s[0] - s[1]) / (2 * radius) : 0;
+    tension[0] = centre + apart * half, tension[1] = centre - apart * half, tension[2] = apart * strain[2];
 }

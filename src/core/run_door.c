@@ -30,29 +30,33 @@ static cn_status add_limits(cn_run_data *run, cn_body_spec *device)
     return CN_OK;
 }
 
-/* Walls and obstacles that give way are bodies too, behind the scene's own. */
+cn_body_spec cn_wall_as_body(const cn_surface_spec *wall)
+{
+    cn_body_spec spec = {.name = wall->name,
+                         .shape = wall->shape,
+                         .model = wall->deformable && wall->model == CN_BODY_AUTO ? CN_BODY_TET4
+                                  : wall->deformable                              ? wall->model
+                                  : wall->wall.model == CN_WALL_SHELL             ? CN_BODY_SHELL
+                                                                                  : CN_BODY_MEMBRANE,
+                         .material = wall->material,
+                         .fixed = wall->fixed,
+                         .nlimit = wall->nlimit,
+                         .limit = wall->limit,
+                         .deadline = INFINITY,
+                         .wall = wall};
+    spec.drive = (cn_drive_spec){.control_all = true, .goal_node = -1, .force_threshold = NAN};
+    if (!wall->deformable)
+        spec.material = (cn_material){
+            .young = wall->wall.young, .poisson = wall->wall.poisson, .density = wall->wall.density};
+    return spec;
+}
+
 static void add_walls(cn_run_data *run)
 {
     for (int w = 0; w < run->world->nwall; w++) {
         const cn_surface_spec *wall = run->world->wall[w].spec;
-        if (run->scene->leave_out.wall_solve == CN_ON || !cn_gives_way(wall)) continue;
-        cn_body_spec *spec = &run->spec[run->nbody++];
-        *spec = (cn_body_spec){.name = wall->name,
-                               .shape = wall->shape,
-                               .model = wall->deformable && wall->model == CN_BODY_AUTO ? CN_BODY_TET4
-                                        : wall->deformable                              ? wall->model
-                                        : wall->wall.model == CN_WALL_SHELL             ? CN_BODY_SHELL
-                                                                                        : CN_BODY_MEMBRANE,
-                               .material = wall->material,
-                               .fixed = wall->fixed,
-                               .nlimit = wall->nlimit,
-                               .limit = wall->limit,
-                               .deadline = INFINITY,
-                               .wall = wall};
-        spec->drive = (cn_drive_spec){.control_all = true, .goal_node = -1, .force_threshold = NAN};
-        if (wall->deformable) continue;
-        spec->material = (cn_material){
-            .young = wall->wall.young, .poisson = wall->wall.poisson, .density = wall->wall.density};
+        if (run->scene->leave_out.wall_solve != CN_ON && cn_gives_way(wall))
+            run->spec[run->nbody++] = cn_wall_as_body(wall);
     }
 }
 

@@ -352,7 +352,7 @@ static double wall_turn(const cn_run_data *run)
     for (int b = 0; b < run->nbody; b++)
         for (int i = 0; is_sheet(run->model->body[b].body) && i < run->leave.nshot; i++) {
             const cn_body_state *at = &run->leave.shot[i].after->body[b];
-            most = fmax(most, cn_sheet_turn(run->model->body[b].body, at->x, at->rotation, run->pool));
+            most = fmax(most, cn_sheet_turn(run->model->body[b].body, at->x, at->rotation, false, run->pool));
         }
     return most;
 }

@@ -125,6 +125,8 @@ static inline bool cn_gives_way(const cn_surface_spec *spec)
 }
 
 /* run_door.c: what the request asks, and what this build cannot do; refusals in words. */
+/* Walls and obstacles that give way are bodies too, behind the scene's own. */
+cn_body_spec cn_wall_as_body(const cn_surface_spec *wall);
 cn_status cn_run_specs(cn_run_data *run);
 cn_status cn_run_supported(cn_run_data *run);
 /* Refuses explicit steps that would be cut into too many. */

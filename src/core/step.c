@@ -440,9 +440,10 @@ static bool folds(const cn_group *g, int p, const cn_state *trial)
 static void follow_wall(const cn_stage *s, cn_body_state *to)
 {
     const cn_body *b = s->part->body->body;
+    const bool turns = cn_sheet_turns(b, to->rotation);
     if (memcmp(to->x, s->from->x, 3 * (size_t)b->nnode * sizeof(double)) &&
-        cn_sheet_turn(b, to->x, to->rotation, s->part->pool) >
-            (cn_sheet_turns(b, to->rotation) ? 0.03 : CN_SHEET_TURNS))
+        cn_sheet_turn(b, to->x, to->rotation, turns, s->part->pool) >
+            (turns ? CN_SHEET_FOLLOWS : CN_SHEET_TURNS))
         cn_sheet_follow(b, to->x, to->rotation, s->part->pool);
 }
 

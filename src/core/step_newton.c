@@ -6,6 +6,7 @@
 #include <math.h>
 #include <string.h>
 #include <time.h>
+#include "body_wall.h"
 #include "catnav/vec3.h"
 
 double cn_step_seconds(void)
@@ -176,6 +177,22 @@ static void settle(const cn_group *g, bool converged)
         cn_part *part = s->part;
         if (!part->settled && !part->model->single)
             part->settled = excess_of(s, converged) <= 1 && !cn_stage_touched(s);
+    }
+}
+
+/* Where iterations converge slowly: walls whose triangles have changed since their matrix was made get
+ * another. */
+static const double SLOW = 0.5;
+
+static void follow_walls(const cn_group *g)
+{
+    EACH_STAGE(g, s)
+    {
+        cn_part *part = s->part;
+        const cn_body *b = part->body->body;
+        if (part->sheet && !part->settled && cn_sheet_turns(b, s->rotation) &&
+            cn_sheet_turn(b, s->x, s->rotation, true, part->pool) > CN_SHEET_SLOW)
+            cn_sheet_follow(b, s->x, s->rotation, part->pool);
     }
 }
 
@@ -420,6 +437,7 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
             enough = lag < FRICTION_LAGS ? fmax(1, LAGGED * over) : 1;
         }
         settle(g, done > 0);
+        if (done && over > SLOW * before) follow_walls(g);
         if (done == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
         if (keep && done > 0 && over > STALE * before) work->stale |= bit(done - 1);
         if (done)

@@ -10,6 +10,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 #include "catnav/vec3.h"
+#include "run_parts.h"
 
 void scene_steps_new(scene_steps *s, const char *text, int nsetting, const cn_setting *setting)
 {
@@ -22,14 +23,20 @@ void scene_steps_new(scene_steps *s, const char *text, int nsetting, const cn_se
     close(descriptor);
     const cn_status status = cn_scene_read(&s->scene, file, nsetting, setting, &error);
     remove(file);
-    if (status != CN_OK || cn_world_new(&s->world, s->scene, 0, NULL, &error) != CN_OK ||
-        cn_model_new(&s->model, s->scene, s->world, s->scene->nbody, s->scene->body, &error) != CN_OK)
+    if (status != CN_OK || cn_world_new(&s->world, s->scene, 0, NULL, &error) != CN_OK)
+        fail_msg("%s", error.message);
+    int n = s->scene->nbody;
+    s->spec = calloc((size_t)(n + s->world->nwall), sizeof *s->spec);
+    assert_non_null(s->spec);
+    memcpy(s->spec, s->scene->body, (size_t)n * sizeof *s->spec);
+    for (int w = 0; w < s->world->nwall; w++)
+        if (cn_gives_way(s->world->wall[w].spec)) s->spec[n++] = cn_wall_as_body(s->world->wall[w].spec);
+    if (cn_model_new(&s->model, s->scene, s->world, n, s->spec, &error) != CN_OK)
         fail_msg("%s", error.message);
     assert_int_equal(cn_pool_new(&s->pool, 1), CN_OK);
     assert_int_equal(cn_state_new(&s->state, s->model), CN_OK);
     assert_int_equal(cn_state_new(&s->trial, s->model), CN_OK);
-    if (cn_work_new(&s->work, s->model, 0, s->scene->nbody, s->pool, &error) != CN_OK)
-        fail_msg("%s", error.message);
+    if (cn_work_new(&s->work, s->model, 0, n, s->pool, &error) != CN_OK) fail_msg("%s", error.message);
 }
 
 cn_status scene_steps_try(scene_steps *s)
@@ -57,6 +64,7 @@ void scene_steps_free(scene_steps *s)
 {
     cn_work_free(s->work), cn_state_free(s->state), cn_state_free(s->trial);
     cn_model_free(s->model), cn_pool_free(s->pool), cn_world_free(s->world), cn_scene_free(s->scene);
+    free(s->spec);
 }
 
 scene_motion scene_steps_motion(const scene_steps *s, int b)

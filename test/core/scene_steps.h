@@ -8,6 +8,7 @@
 typedef struct {
     cn_scene *scene;
     cn_world *world;
+    cn_body_spec *spec; /* the scene's bodies, and its walls that give way */
     cn_model *model;
     cn_state *state, *trial;
     cn_pool *pool;

@@ -290,10 +290,11 @@ static void a_turn_changes_no_measure_and_without_turning_triangles_shows_its_fr
             cn_body_measure(s.body, s.body->nnode, s.x, rotation, true, &m, NULL, NULL);
             assert_true(m.volume_max < 1e-11 && m.stress_max < stress);
             if (shell) assert_true(fabs(m.energy / frozen - 1) < 1e-9);
-            assert_true(fabs(cn_sheet_turn(s.body, s.x, rotation, NULL) - a) < 1e-7);
+            assert_true(fabs(cn_sheet_turn(s.body, s.x, rotation, false, NULL) - a) < 1e-7);
         }
         cn_sheet_follow(s.body, s.x, rotation, NULL);
-        assert_true(cn_sheet_turns(s.body, rotation) && cn_sheet_turn(s.body, s.x, rotation, NULL) < 1e-7);
+        assert_true(cn_sheet_turns(s.body, rotation) &&
+                    cn_sheet_turn(s.body, s.x, rotation, false, NULL) < 1e-7);
         for (int k = 0; k < 4; k++) {
             const double turn[4][3] = {{2.9, 0, 0}, {0, 3.1, 0.1}, {0.2, -0.1, -3}, {1, -0.7, 0.4}};
             carry_off(&s, turn[k], none);
@@ -301,9 +302,9 @@ static void a_turn_changes_no_measure_and_without_turning_triangles_shows_its_fr
             assert_true(m.volume_max < 1e-11 && m.stress_max < stress);
             if (shell) assert_true(m.energy < 1e-9 * plate);
             cn_body_rotation_start(s.body, rotation);
-            assert_true(fabs(cn_sheet_turn(s.body, s.x, rotation, NULL) - cn_norm(turn[k])) < 1e-7);
+            assert_true(fabs(cn_sheet_turn(s.body, s.x, rotation, false, NULL) - cn_norm(turn[k])) < 1e-7);
             cn_sheet_follow(s.body, s.x, rotation, NULL);
-            assert_true(cn_sheet_turn(s.body, s.x, rotation, NULL) < 1e-7);
+            assert_true(cn_sheet_turn(s.body, s.x, rotation, false, NULL) < 1e-7);
         }
         fixture_free(&s);
     }
@@ -448,7 +449,7 @@ static void masses_rims_and_fields_are_as_the_header_says(void **state)
         assert_true(fabs(b->rest_volume / (area * spec->thickness) - 1) < 1e-12 && b->spring > 0);
         assert_int_equal(b->model, shell ? CN_BODY_SHELL : CN_BODY_MEMBRANE);
         assert_true(b->nblock == b->nnode && b->npoint == b->nnode && b->ntet == 0 &&
-                    b->nturn == b->nelement + 1);
+                    b->nturn == 2 * b->nelement + 1);
         assert_true(b->point == b->rest && b->lever == 1 && b->boundary->ntri == b->nelement);
         assert_true(cn_body_points(b, b->nnode, s.x, NULL, NULL) == s.x);
         cn_body_element_centre(b, s.x, 5, centre);
