@@ -25,7 +25,7 @@ static const char text[] =
 
 /* A heavy rod sinks into an artery that gives way, whose triangles turn by it. */
 static const char soft[] =
-    "step: 0.004\ngravity: [0, 0, -40]\n"
+    "step: 0.004\ngravity: [0, 0, -20]\n"
     "vessels:\n- name: artery\n  shape: {tube: {axis: [[0, 0, 0], [0.01, 0, 0], [0.02, 0, 0], [0.03, 0, 0], "
     "[0.04, 0, 0], [0.05, 0, 0], [0.06, 0, 0]], radius: 0.01, thickness: 0}}\n"
     "  wall: {model: membrane, thickness: 1.0e-3, young: 1.0e+4, poisson: 0.4, density: 1000, foundation: "
