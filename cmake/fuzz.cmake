@@ -3,7 +3,7 @@
 add_compile_options(-g -O1 -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=undefined)
 # kernels in GCC's vectors, which clang lacks, go in as GCC makes them
 file(GLOB KERNEL_HEADERS CONFIGURE_DEPENDS include/catnav/*.h src/core/*.h)
-foreach(name body_kernel body_tet10_kernel molecules_kernel rod_kernel solve_ladder)
+foreach(name body_kernel body_tet10_kernel body_wall_kernel molecules_kernel rod_kernel solve_ladder)
   set(source ${PROJECT_SOURCE_DIR}/src/core/${name}.c)
   list(REMOVE_ITEM CORE_SOURCES ${source})
   add_custom_command(OUTPUT ${name}.o DEPENDS ${source} ${KERNEL_HEADERS}

@@ -79,7 +79,7 @@ static inline bool cn_sheet_turns(const cn_body *body, const double *rotation)
  * turn [rad] or strain has changed by so much since it did last; and at once, by less, where iterations with
  * it converge slowly. */
 #define CN_SHEET_TURNS   0.1
-#define CN_SHEET_FOLLOWS 0.1
+#define CN_SHEET_FOLLOWS 0.2
 #define CN_SHEET_SLOW    0.05
 /* Largest angle of a triangle from where the rotations have it [rad]; with `strain` also of its strains'
  * changes. */

@@ -183,6 +183,7 @@ static void settle(const cn_group *g, bool converged)
 /* Where iterations converge slowly: walls whose triangles have changed since their matrix was made get
  * another. */
 static const double SLOW = 0.5;
+enum { PATIENCE = 6 }; /* iterations: a factor costs as much as some of them */
 
 static void follow_walls(const cn_group *g)
 {
@@ -437,7 +438,7 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
             enough = lag < FRICTION_LAGS ? fmax(1, LAGGED * over) : 1;
         }
         settle(g, done > 0);
-        if (done && over > SLOW * before) follow_walls(g);
+        if (done && done % PATIENCE == 0 && over > SLOW * before) follow_walls(g);
         if (done == model->newton) return model->single ? CN_OK : CN_ERR_CONVERGENCE;
         if (keep && done > 0 && over > STALE * before) work->stale |= bit(done - 1);
         if (done)

@@ -61,7 +61,7 @@ done
 echo '#define CATNAV_VERSION "0"' > "$folder/version.h"
 flags="-std=c11 -O2 -ffp-contract=off -D_POSIX_C_SOURCE=200809L -include $folder/version.h -I$root/include"
 flags="$flags -I$root/src/core -I/usr/include/suitesparse"
-kernels=" body_kernel body_tet10_kernel molecules_kernel rod_kernel solve_ladder "
+kernels=" body_kernel body_tet10_kernel body_wall_kernel molecules_kernel rod_kernel solve_ladder "
 build() { # SOURCE CC: an object of CC, of GCC where only GCC can
     name=$(basename "$1" .c)
     case "$kernels" in *" $name "*) cc=gcc ;; *) cc=$2 ;; esac
