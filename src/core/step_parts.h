@@ -126,6 +126,13 @@ typedef enum { CN_AT_STATE, CN_AT_TRIAL } cn_where; /* stage->x, or part->trial 
 /* Gravity, loads that are on, and the drive's held part, into part->external. */
 void cn_stage_external(const cn_stage *s, double time);
 
+/* --- step_check.c --- */
+/* What the contact's response makes of the new state, and the check. CN_ERR_NOT_FREE: strict contact does not
+ * accept it. */
+cn_status cn_stage_meet(const cn_group *g, cn_state *trial, double dt, cn_step_figures *figures);
+/* The check alone, which shares nothing with the response. */
+cn_status cn_stage_check(cn_work *work, const cn_state *state, cn_findings *findings);
+
 /* --- step_ahead.c --- */
 /* Bends every part's dx, straight motions from x, along with what turns by them: a compact body as a whole, a
  * slender one joint by joint; to second order the stretch of a straight motion is gone. chord: dx is the
