@@ -110,9 +110,4 @@ INLINE void measure(const cn_measure_job *job, int chunk)
     sum_measures(&sums, out);
 }
 
-KERNELS_OF_ALL_SETS
-
-const cn_kernels *cn_kernels_pick(int most)
-{
-    return pick(most);
-}
+CN_KERNEL_SETS(KERNELS, const cn_kernels *, cn_kernels_pick)

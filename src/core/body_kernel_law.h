@@ -14,6 +14,7 @@
 #define CN_BODY_KERNEL_LAW_H
 
 #include "body_element.h"
+#include "kernel_sets.h"
 
 #include <stddef.h>
 #include "polar.h"
@@ -398,8 +399,7 @@ INLINE void sum_measures(const measure_sums *sums, cn_chunk_measures *out)
     }
 }
 
-/* One pair of functions an instruction set, of the functions elastic and measure of the file that includes
- * this; `pick` returns those that this processor has, up to `most`. */
+/* For CN_KERNEL_SETS: a pair of functions, of elastic and measure of the file that includes this. */
 #define KERNELS(name, attribute)                                                                             \
     attribute static void name##_elastic(void *user, int i)                                                  \
     {                                                                                                        \
@@ -410,28 +410,5 @@ INLINE void sum_measures(const measure_sums *sums, cn_chunk_measures *out)
         measure(user, i);                                                                                    \
     }                                                                                                        \
     static const cn_kernels name = {name##_elastic, name##_measure};
-
-#if defined(__x86_64__)
-#define KERNELS_OF_ALL_SETS                                                                                  \
-    KERNELS(base, )                                                                                          \
-    KERNELS(avx2, __attribute__((target("avx2"))))                                                           \
-    KERNELS(avx512, __attribute__((target("avx2,avx512f,avx512dq,avx512vl,avx512bw"))))                      \
-    static const cn_kernels *pick(int most)                                                                  \
-    {                                                                                                        \
-        __builtin_cpu_init();                                                                                \
-        if (most >= 2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&          \
-            __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw"))                        \
-            return &avx512;                                                                                  \
-        return most >= 1 && __builtin_cpu_supports("avx2") ? &avx2 : &base;                                  \
-    }
-#else
-#define KERNELS_OF_ALL_SETS                                                                                  \
-    KERNELS(base, )                                                                                          \
-    static const cn_kernels *pick(int most)                                                                  \
-    {                                                                                                        \
-        (void)most;                                                                                          \
-        return &base;                                                                                        \
-    }
-#endif
 
 #endif

@@ -54,8 +54,8 @@ cn_sheet_kernel cn_sheet_kernel_pick(int most);
 
 /* --- body_wall_turn.c --- */
 
-/* A triangle's axes at rest and now, the third across it (rows), and U of F = R U in its plane: 00, 11, 01.
- */
+/* A triangle's axes at rest and now, the third across it (rows); U of F = R U in its plane, and its inverse:
+ * 00, 11, 01. */
 typedef struct {
     double rest[9], now[9], u[3], inverse[3];
 } cn_sheet_frame;
@@ -75,21 +75,24 @@ static inline bool cn_sheet_turns(const cn_body *body, const double *rotation)
 {
     return rotation && rotation[8 * (size_t)body->nelement] == 0;
 }
-/* They do once one has turned by so much [rad]. The matrix follows at the end of a step when a triangle's
- * turn [rad] or strain has changed by so much since it did last; and at once, by less, where iterations with
- * it converge slowly. */
+static inline bool cn_is_sheet(cn_body_model model)
+{
+    return model == CN_BODY_MEMBRANE || model == CN_BODY_SHELL;
+}
+/* Triangles turn once one has turned by so much [rad]. The matrix follows at the end of a step when a
+ * triangle's turn [rad] or strain has changed by so much since it did last; and at once, by less, where
+ * iterations with it converge slowly. */
 #define CN_SHEET_TURNS   0.1
 #define CN_SHEET_FOLLOWS 0.2
 #define CN_SHEET_SLOW    0.05
-/* Largest angle of a triangle from where the rotations have it [rad]; with `strain` also of its strains'
- * changes. */
-double cn_sheet_turn(const cn_body *body, const double *x, const double *rotation, bool strain,
-                     cn_pool *pool);
+/* Largest angle of a triangle from where the rotations have it [rad]. */
+double cn_sheet_turn(const cn_body *body, const double *x, const double *rotation, cn_pool *pool);
 /* What of a strain's stress S holds a triangle in its plane, [N/m] 00, 11, 01: energy of a slope g is g S g /
  * 2 an area, where pressure counts for none. */
 void cn_sheet_tension(const cn_sheet *sheet, const double strain[3], double tension[3]);
-/* From now on triangles turn, and the matrix is that of where they are. */
-void cn_sheet_follow(const cn_body *body, const double *x, double *rotation, cn_pool *pool);
+/* From now on triangles turn, and the matrix is that of where they are: if one has changed by more than this,
+ * its turn, or its strain where they turn already; below 0 in any case. */
+void cn_sheet_follow(const cn_body *body, const double *x, double *rotation, double change, cn_pool *pool);
 
 double cn_sheet_energy(const cn_body *body, int nactive, const double *x, double *rotation, cn_pool *pool);
 

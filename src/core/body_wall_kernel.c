@@ -66,20 +66,4 @@ INLINE double membrane(const cn_body *body, const double *x, double *f, int begi
         return membrane(body, x, f, begin, end);                                                             \
     }
 
-KERNEL(base, )
-#if defined(__x86_64__)
-KERNEL(avx2, __attribute__((target("avx2"))))
-KERNEL(avx512, __attribute__((target("avx2,avx512f,avx512dq,avx512vl,avx512bw"))))
-#endif
-
-cn_sheet_kernel cn_sheet_kernel_pick(int most)
-{
-#if defined(__x86_64__)
-    __builtin_cpu_init();
-    if (most >= 2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-        __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw"))
-        return avx512;
-    if (most >= 1 && __builtin_cpu_supports("avx2")) return avx2;
-#endif
-    return base;
-}
+CN_KERNEL_SETS(KERNEL, cn_sheet_kernel, cn_sheet_kernel_pick)

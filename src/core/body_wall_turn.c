@@ -9,6 +9,7 @@
 #include <string.h>
 #include "catnav/vec3.h"
 
+/* U = (C + sqrt(det C)) / sqrt(tr C + 2 sqrt(det C)), C = F'F (Hoger and Carlson 1984). */
 void cn_sheet_polar(const cn_body *body, int t, const double *x, cn_sheet_frame *out)
 {
     const double *plane = ((const cn_sheet *)body->own)->plane + 12 * (size_t)t, *grad = plane + 6;
@@ -205,21 +206,35 @@ static void follow_task(void *user, int task)
     }
 }
 
-double cn_sheet_turn(const cn_body *body, const double *x, const double *rotation, bool strain, cn_pool *pool)
+/* How far the triangles have changed, and with `take` their rotations as they are now. */
+static void follow(follow_job *job, double *turn, double *strain, cn_pool *pool)
 {
-    follow_job job = {.body = body, .x = x, .rotation = (double *)rotation}; /* not written: take is false */
-    double least = 1, most = 0;
-    cn_pool_run(pool, CN_SHEET_TASKS, follow_task, &job);
+    double least = 1;
+    cn_pool_run(pool, CN_SHEET_TASKS, follow_task, job);
+    *strain = 0;
     for (int i = 0; i < CN_SHEET_TASKS; i++)
-        least = fmin(least, job.least[i]), most = fmax(most, job.most[i]);
-    return fmax(2 * acos(fmin(1, least)), strain ? most : 0);
+        least = fmin(least, job->least[i]), *strain = fmax(*strain, job->most[i]);
+    *turn = 2 * acos(fmin(1, least));
 }
 
-void cn_sheet_follow(const cn_body *body, const double *x, double *rotation, cn_pool *pool)
+double cn_sheet_turn(const cn_body *body, const double *x, const double *rotation, cn_pool *pool)
 {
-    follow_job job = {.body = body, .x = x, .rotation = rotation, .take = true};
-    cn_pool_run(pool, CN_SHEET_TASKS, follow_task, &job);
-    double *way = rotation + 8 * (size_t)body->nelement;
+    follow_job job = {.body = body, .x = x, .rotation = (double *)rotation}; /* not written: take is false */
+    double turn, strain;
+    follow(&job, &turn, &strain, pool);
+    return turn;
+}
+
+void cn_sheet_follow(const cn_body *body, const double *x, double *rotation, double change, cn_pool *pool)
+{
+    follow_job job = {.body = body, .x = x, .rotation = rotation};
+    double turn, strain, *way = rotation + 8 * (size_t)body->nelement;
+    if (change >= 0) {
+        follow(&job, &turn, &strain, pool);
+        if (!(turn > change || (cn_sheet_turns(body, rotation) && strain > change))) return;
+    }
+    job.take = true;
+    follow(&job, &turn, &strain, pool);
     way[0] = 0, way[1] = 1;
 }
 

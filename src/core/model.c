@@ -1,5 +1,6 @@
 /* model.c - from the scene to what stays fixed in a run: meshes, bodies, held nodes, drive geometry. */
 #include "body_methods.h"
+#include "body_wall.h"
 #include "model_load.h"
 #include "model_shape.h"
 #include "positions.h"
@@ -285,7 +286,7 @@ static cn_status build_body(cn_model_body *out, const cn_world *world, unsigned 
     cn_status status = CN_ERR_MEMORY;
     for (int w = 0; w < world->nwall; w++)
         if (spec->wall && world->wall[w].spec == spec->wall) out->wall = w;
-    const bool sheet = spec->model == CN_BODY_MEMBRANE || spec->model == CN_BODY_SHELL;
+    const bool sheet = cn_is_sheet(spec->model);
     status = sheet || spec->model == CN_BODY_MOLECULES ? CN_OK
              : spec->wall ? cn_model_fill_wall(&mesh, &world->wall[out->wall], spec->model, error)
                           : cn_model_mesh(&mesh, &spec->shape, spec->model, error);

@@ -232,9 +232,4 @@ INLINE void measure(void *user, int task)
     job->strain_sum[task] = 0.5 * lanes_sum(&strains), job->growth[task] = lanes_sum(&growth);
 }
 
-KERNELS_OF_ALL_SETS
-
-const cn_kernels *cn_molecule_kernels_pick(int most)
-{
-    return pick(most);
-}
+CN_KERNEL_SETS(KERNELS, const cn_kernels *, cn_molecule_kernels_pick)

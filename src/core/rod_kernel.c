@@ -17,6 +17,7 @@
  *
  * A chunk's tasks write the matrix rows and forces of their own nodes, but blocks between two nodes by the
  * segment's: each number by one task alone. */
+#include "kernel_sets.h"
 #include "rod.h"
 
 #include <limits.h>
@@ -512,20 +513,4 @@ INLINE double chunk_elastic(const cn_rod_job *job, int chunk, cn_rod_strains *st
         return chunk_elastic(job, chunk, strain);                                                            \
     }
 
-KERNEL(base, )
-#if defined(__x86_64__)
-KERNEL(avx2, __attribute__((target("avx2"))))
-KERNEL(avx512, __attribute__((target("avx2,avx512f,avx512dq,avx512vl,avx512bw"))))
-#endif
-
-cn_rod_kernel cn_rod_kernel_pick(int most)
-{
-#if defined(__x86_64__)
-    __builtin_cpu_init();
-    if (most >= 2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-        __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw"))
-        return avx512;
-    if (most >= 1 && __builtin_cpu_supports("avx2")) return avx2;
-#endif
-    return base;
-}
+CN_KERNEL_SETS(KERNEL, cn_rod_kernel, cn_rod_kernel_pick)

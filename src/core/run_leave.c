@@ -144,11 +144,6 @@ static bool meets_itself(cn_run_data *run, int b, const cn_state *state, long mo
     return m->pairs <= m->most;
 }
 
-static bool is_sheet(const cn_body *body)
-{
-    return body->model == CN_BODY_MEMBRANE || body->model == CN_BODY_SHELL;
-}
-
 void cn_run_watch(cn_run_data *run)
 {
     cn_leave *leave = &run->leave;
@@ -156,7 +151,7 @@ void cn_run_watch(cn_run_data *run)
     meeting m;
     for (int b = 0; b < run->nbody && !leave->turned; b++) {
         const cn_body *body = run->model->body[b].body;
-        if (is_sheet(body) && cn_sheet_turns(body, run->state->body[b].rotation))
+        if (cn_is_sheet(body->model) && cn_sheet_turns(body, run->state->body[b].rotation))
             leave->turned = run->state->step;
     }
     if (left_out == CN_ON || !leave->self) return;
@@ -350,9 +345,9 @@ static double wall_turn(const cn_run_data *run)
 {
     double most = 0;
     for (int b = 0; b < run->nbody; b++)
-        for (int i = 0; is_sheet(run->model->body[b].body) && i < run->leave.nshot; i++) {
+        for (int i = 0; cn_is_sheet(run->model->body[b].body->model) && i < run->leave.nshot; i++) {
             const cn_body_state *at = &run->leave.shot[i].after->body[b];
-            most = fmax(most, cn_sheet_turn(run->model->body[b].body, at->x, at->rotation, false, run->pool));
+            most = fmax(most, cn_sheet_turn(run->model->body[b].body, at->x, at->rotation, run->pool));
         }
     return most;
 }

@@ -85,9 +85,8 @@ cn_status cn_state_new(cn_state **out, const cn_model *model)
     for (int b = 0; b < model->nbody; b++) {
         const cn_body *body = model->body[b].body;
         start_body(&model->body[b], &state->body[b]);
-        if (model->scene->leave_out.wall_solve == CN_OFF &&
-            (body->model == CN_BODY_MEMBRANE || body->model == CN_BODY_SHELL))
-            cn_sheet_follow(body, state->body[b].x, state->body[b].rotation, NULL);
+        if (model->scene->leave_out.wall_solve == CN_OFF && cn_is_sheet(body->model))
+            cn_sheet_follow(body, state->body[b].x, state->body[b].rotation, -1, NULL);
     }
     return CN_OK;
 }

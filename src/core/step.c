@@ -328,11 +328,9 @@ static void begin(const cn_group *g, double dt)
 static void follow_wall(const cn_stage *s, cn_body_state *to)
 {
     const cn_body *b = s->part->body->body;
-    const bool turns = cn_sheet_turns(b, to->rotation);
-    if (memcmp(to->x, s->from->x, 3 * (size_t)b->nnode * sizeof(double)) &&
-        cn_sheet_turn(b, to->x, to->rotation, turns, s->part->pool) >
-            (turns ? CN_SHEET_FOLLOWS : CN_SHEET_TURNS))
-        cn_sheet_follow(b, to->x, to->rotation, s->part->pool);
+    if (!memcmp(to->x, s->from->x, 3 * (size_t)b->nnode * sizeof(double))) return;
+    cn_sheet_follow(b, to->x, to->rotation,
+                    cn_sheet_turns(b, to->rotation) ? CN_SHEET_FOLLOWS : CN_SHEET_TURNS, s->part->pool);
 }
 
 cn_status cn_step(const cn_model *model, const cn_state *state, cn_state *trial, const cn_path *const *path,

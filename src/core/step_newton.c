@@ -191,9 +191,8 @@ static void follow_walls(const cn_group *g)
     {
         cn_part *part = s->part;
         const cn_body *b = part->body->body;
-        if (part->sheet && !part->settled && cn_sheet_turns(b, s->rotation) &&
-            cn_sheet_turn(b, s->x, s->rotation, true, part->pool) > CN_SHEET_SLOW)
-            cn_sheet_follow(b, s->x, s->rotation, part->pool);
+        if (part->sheet && !part->settled && cn_sheet_turns(b, s->rotation))
+            cn_sheet_follow(b, s->x, s->rotation, CN_SHEET_SLOW, part->pool);
     }
 }
 

@@ -4,6 +4,7 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include "body_wall.h"
 
 /* Vectors out of the one block of memory. */
 static void hand_out(cn_part *part, size_t blocks, size_t nodes)
@@ -75,11 +76,8 @@ static cn_status part_new(cn_part *part, const cn_model *model, int index, cn_po
     const int first[1] = {0};
     int *level = NULL;
     cn_status status;
-    *part = (cn_part){.sheet = b->model == CN_BODY_MEMBRANE || b->model == CN_BODY_SHELL,
-                      .model = model,
-                      .body = body,
-                      .index = index,
-                      .pool = pool};
+    *part =
+        (cn_part){.sheet = cn_is_sheet(b->model), .model = model, .body = body, .index = index, .pool = pool};
     if (!(part->held = calloc(blocks, 1))) return CN_ERR_MEMORY;
     if (!(part->memory = calloc(57 * blocks + 25 * nodes + 8 * (size_t)b->nturn, sizeof(double))))
         return CN_ERR_MEMORY;

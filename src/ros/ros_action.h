@@ -41,9 +41,9 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
     }
 
   private:
-    static constexpr double rate = 200;         // [1/s]: goals looked at; more than that waits, then drops
-    static constexpr size_t kept = 128;         // ended goals in the status list at most: twice as many as wait
-    static constexpr double between = 0.02;     // [s]: two status messages
+    static constexpr double rate = 200;     // [1/s]: goals looked at; more than that waits, then drops
+    static constexpr size_t kept = 128;     // ended goals in the status list at most: twice as many as wait
+    static constexpr double between = 0.02; // [s]: two status messages
     static constexpr double status_rate = 10.0; // [1/s]
 
     void initialize() override

@@ -76,7 +76,7 @@ class Hard(unittest.TestCase):
             soft("rod", "ipc_rod.msh", 1e6, fixed={"box": [[-0.51, -1, -1], [-0.45, 1, 1]]},
                  start={"spin": [150, 0, 0]})])
 
-    def test_a_dolphin_falls_into_a_funnel(self):
+    def dolphin(self, steps, height, speed, gravity, touches=True):
         along, middle, scale = (0.6818, -0.5777, 0.4488), (28.42, 28.78, 44.35), 0.003  # of its file; 0.4 m long
         angle, sine = math.acos(-along[1]), math.hypot(along[0], along[2])  # turns its length to -y
         turn = [angle * along[2] / sine, 0, -angle * along[0] / sine]
@@ -84,10 +84,17 @@ class Hard(unittest.TestCase):
         dot = sum(a * b for a, b in zip(k, p))
         cross = [k[1] * p[2] - k[2] * p[1], k[2] * p[0] - k[0] * p[2], k[0] * p[1] - k[1] * p[0]]
         at = [p[i] * math.cos(angle) + cross[i] * math.sin(angle) + k[i] * dot * (1 - math.cos(angle)) for i in range(3)]
-        self.run_scene(4, 0.01, gravity=[0, -9.81, 0], contact={"self": "on"}, obstacles=[
+        self.run_scene(steps, 0.01, touches=touches, gravity=[0, -gravity, 0], contact={"self": "on"}, obstacles=[
             {"name": "funnel", "surface": {"file": os.path.join(DATA, "tets", "ipc_obstacle_funnel.obj")}}],
-            bodies=[soft("dolphin", "ipc_dolphin5K.msh", 1e4, start={"velocity": [0, -0.5, 0]},
-                         shape={"scale": scale, "rotate": turn, "translate": [-at[0], 0.652 - at[1], -at[2]]})])
+            bodies=[soft("dolphin", "ipc_dolphin5K.msh", 1e4, start={"velocity": [0, -speed, 0]},
+                         shape={"scale": scale, "rotate": turn, "translate": [-at[0], height - at[1], -at[2]]})])
+
+    def test_a_dolphin_falls_into_a_funnel(self):
+        self.dolphin(4, 0.652, 0.5, 9.81)
+
+    @unittest.skipUnless(STEPS, "minutes a step: CATNAV_HARD=N")
+    def test_a_dolphin_is_pressed_into_a_funnel(self):
+        self.dolphin(3, 0.72, 2, 100, touches=STEPS > 20)
 
 
 if __name__ == "__main__":

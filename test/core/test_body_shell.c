@@ -231,7 +231,7 @@ static void a_strip_whose_triangles_turn_bends_as_the_elastica(void **state)
         for (int round = 0; round < 600 && left > 1e-9; round++) {
             const double p =
                 want[c][0] * stiffness / (free_length * free_length) * fmin(1, (round + 1) / 100.0);
-            cn_sheet_follow(s.body, s.x, s.rotation, NULL);
+            cn_sheet_follow(s.body, s.x, s.rotation, -1, NULL);
             fixture_force(&s, CN_TANGENT_EXACT, s.scatter, NULL);
             for (int i = 0; i < 3 * n; i++) {
                 const bool end = s.body->rest[3 * (i / 3)] > length - 1e-9;

@@ -290,11 +290,10 @@ static void a_turn_changes_no_measure_and_without_turning_triangles_shows_its_fr
             cn_body_measure(s.body, s.body->nnode, s.x, rotation, true, &m, NULL, NULL);
             assert_true(m.volume_max < 1e-11 && m.stress_max < stress);
             if (shell) assert_true(fabs(m.energy / frozen - 1) < 1e-9);
-            assert_true(fabs(cn_sheet_turn(s.body, s.x, rotation, false, NULL) - a) < 1e-7);
+            assert_true(fabs(cn_sheet_turn(s.body, s.x, rotation, NULL) - a) < 1e-7);
         }
-        cn_sheet_follow(s.body, s.x, rotation, NULL);
-        assert_true(cn_sheet_turns(s.body, rotation) &&
-                    cn_sheet_turn(s.body, s.x, rotation, false, NULL) < 1e-7);
+        cn_sheet_follow(s.body, s.x, rotation, -1, NULL);
+        assert_true(cn_sheet_turns(s.body, rotation) && cn_sheet_turn(s.body, s.x, rotation, NULL) < 1e-7);
         for (int k = 0; k < 4; k++) {
             const double turn[4][3] = {{2.9, 0, 0}, {0, 3.1, 0.1}, {0.2, -0.1, -3}, {1, -0.7, 0.4}};
             carry_off(&s, turn[k], none);
@@ -302,9 +301,9 @@ static void a_turn_changes_no_measure_and_without_turning_triangles_shows_its_fr
             assert_true(m.volume_max < 1e-11 && m.stress_max < stress);
             if (shell) assert_true(m.energy < 1e-9 * plate);
             cn_body_rotation_start(s.body, rotation);
-            assert_true(fabs(cn_sheet_turn(s.body, s.x, rotation, false, NULL) - cn_norm(turn[k])) < 1e-7);
-            cn_sheet_follow(s.body, s.x, rotation, NULL);
-            assert_true(cn_sheet_turn(s.body, s.x, rotation, false, NULL) < 1e-7);
+            assert_true(fabs(cn_sheet_turn(s.body, s.x, rotation, NULL) - cn_norm(turn[k])) < 1e-7);
+            cn_sheet_follow(s.body, s.x, rotation, -1, NULL);
+            assert_true(cn_sheet_turn(s.body, s.x, rotation, NULL) < 1e-7);
         }
         fixture_free(&s);
     }
@@ -326,7 +325,7 @@ static void a_turned_walls_force_is_minus_the_gradient_of_its_energy_however_it_
             cn_rotation(turn, r);
             for (int i = 0; i < s.body->nnode; i++)
                 cn_copy3(s.x + 3 * i, x), cn_mat_vec(r, x, s.x + 3 * i);
-            cn_sheet_follow(s.body, s.x, rotation, NULL);
+            cn_sheet_follow(s.body, s.x, rotation, -1, NULL);
             cn_body_add_elastic(s.body, s.body->nnode, s.x, rotation, f, CN_TANGENT_EXACT, 1, NULL, NULL);
             double net[3] = {0, 0, 0}, force = 0;
             const double size = largest(f, n);
@@ -369,7 +368,7 @@ static void the_stiffness_of_a_turned_wall_is_that_of_rest_turned(void **state)
         double *rotation = s.rotation, *f[2] = {numbers(n), numbers(n)}, *ku = numbers(n);
         double *place = numbers(n);
         carry_off(&s, turn, none);
-        cn_sheet_follow(s.body, s.x, rotation, NULL);
+        cn_sheet_follow(s.body, s.x, rotation, -1, NULL);
         memcpy(place, s.x, (size_t)n * sizeof *place);
         stir(&s, 5, 1); /* a direction */
         for (int sign = 0; sign < 2; sign++) {
@@ -404,7 +403,7 @@ static void results_are_the_same_for_any_number_of_threads(void **state)
         for (int run = 0; run < 6; run++) { /* as at rest, and turned */
             const int threads = 1 + run % 3;
             cn_pool *pool;
-            if (run == 3) cn_sheet_follow(s.body, s.x, s.rotation, NULL);
+            if (run == 3) cn_sheet_follow(s.body, s.x, s.rotation, -1, NULL);
             assert_int_equal(cn_pool_new(&pool, threads), CN_OK);
             const double e = fixture_force(&s, CN_TANGENT_EXACT, s.scatter, pool);
             cn_body_measure(s.body, n, s.x, NULL, true, &m[threads > 1], threads > 1 ? again : stress, pool);

@@ -29,7 +29,8 @@ fixture wall_of(cn_surface *surface, cn_wall_spec spec)
     assert_int_equal(cn_body_new_wall(&s.body, surface, &spec, NULL), CN_OK);
     assert_int_equal(cn_matrix_new(&s.matrix, 1, (const cn_body *const *)&s.body, &first), CN_OK);
     assert_int_equal(cn_body_bind(&s.scatter, s.body, s.matrix, 0), CN_OK);
-    s.x = numbers(3 * s.body->nnode), s.f = numbers(3 * s.body->nnode), s.rotation = numbers(4 * s.body->nturn);
+    s.x = numbers(3 * s.body->nnode), s.f = numbers(3 * s.body->nnode),
+    s.rotation = numbers(4 * s.body->nturn);
     cn_body_rotation_start(s.body, s.rotation);
     memcpy(s.x, s.body->rest, 3 * (size_t)s.body->nnode * sizeof *s.x);
     cn_surface_free(surface);
