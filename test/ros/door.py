@@ -185,9 +185,13 @@ class Door(unittest.TestCase):
 
     def test_7_a_mesh_sent_while_planning_waits_for_the_next_plan(self):
         answers, moving = [], threading.Event()
-        subscriber = rospy.Subscriber('/catnav/catheter_mesh', MeshState, lambda state: moving.set())
-        while subscriber.get_num_connections() == 0:
-            rospy.sleep(0.02)
+        rospy.Subscriber('/catnav/catheter_mesh', MeshState, lambda state: moving.set())
+        for _ in range(100):  # a plan lasts 0.1 s: until the node sends to this subscriber, too
+            self.client.plan(ROUTE)
+            if moving.wait(0.2):
+                break
+        rospy.sleep(0.5)  # the last states of that plan
+        moving.clear()
         caller = threading.Thread(target=lambda: answers.append(self.client.plan(ROUTE)))
         caller.start()
         self.assertTrue(moving.wait(20))
