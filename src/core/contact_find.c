@@ -221,19 +221,21 @@ static void span(const search *s, const side *a, const double n[3], double *low,
 static bool beside_plane(const search *s, const side *a, const side *b)
 {
     double low, high, below, above, n[3], e[2][3];
-    if (b->surface->plane) { /* known */
-        const double *plane = b->surface->plane + 4 * (size_t)b->place.triangle;
-        cn_copy3(plane, n);
-        below = above = plane[3];
-    } else {
-        const double *corner = s->x + 3 * (size_t)b->p[0];
-        cn_sub(s->x + 3 * (size_t)b->p[1], corner, e[0]), cn_sub(s->x + 3 * (size_t)b->p[2], corner, e[1]);
-        cn_cross(e[0], e[1], n);
-        if (!(cn_normalise(n) > 0)) return false;
-        span(s, b, n, &below, &above);
-    }
+    const double *corner = s->x + 3 * (size_t)b->p[0];
+    cn_sub(s->x + 3 * (size_t)b->p[1], corner, e[0]), cn_sub(s->x + 3 * (size_t)b->p[2], corner, e[1]);
+    cn_cross(e[0], e[1], n);
+    if (!(cn_normalise(n) > 0)) return false;
+    span(s, b, n, &below, &above);
     span(s, a, n, &low, &high);
     return low - above > s->margin || below - high > s->margin;
+}
+
+/* The same of a plane that is known. */
+static bool beside_known(const search *s, const side *a, const double plane[4])
+{
+    double low, high;
+    span(s, a, plane, &low, &high);
+    return low - plane[3] > s->margin || plane[3] - high > s->margin;
 }
 
 static bool add_nodes(search *s, const side *a, const side *b)
@@ -303,12 +305,14 @@ static double margin_of(const search *s, int a, int b)
 static bool add_triangle_pair(void *user, cn_place place_a, cn_place place_b)
 {
     search *s = user;
-    side a = side_of(s, place_a), b = side_of(s, place_b);
+    const double *plane = s->model->surface[place_b.surface].plane; /* of what rests, and most are of that */
+    side a = side_of(s, place_a), b;
     s->margin = margin_of(s, place_a.surface, place_b.surface);
-    const bool both = a.moves && b.moves;
-    for (int k = 0; k < 3; k++)
-        s->shared[k] = both ? s->dx[3 * (size_t)b.p[0] + k] : 0;
-    if (beside_plane(s, &a, &b) || beside_plane(s, &b, &a)) return true;
+    memset(s->shared, 0, sizeof s->shared);
+    if (plane && beside_known(s, &a, plane + 4 * (size_t)place_b.triangle)) return true;
+    b = side_of(s, place_b);
+    if (a.moves && b.moves) cn_copy3(s->dx + 3 * (size_t)b.p[0], s->shared);
+    if ((!plane && beside_plane(s, &a, &b)) || beside_plane(s, &b, &a)) return true;
     add_boxes(s, &a), add_boxes(s, &b);
     if (!boxes_meet(&a.all, &b.all, s->margin)) return true;
     if (!add_nodes(s, &a, &b) || !add_nodes(s, &b, &a)) return false;

@@ -522,7 +522,7 @@ double cn_step_residual(const cn_model *model, const cn_state *state, const cn_s
     }
     if (g.strict) {
         place_walls(work, state->time + dt, state->time + dt);
-        if (cn_touch_find(&g) == CN_OK) {
+        if (cn_touch_find(&g, false) == CN_OK) {
             if (work->slip > 0) cn_touch_note(&g, model->scene->contact.friction);
             cn_touch(&g, CN_AT_STATE, false, false);
         }

@@ -216,7 +216,7 @@ cn_status cn_stage_start(const cn_group *g, bool moved)
     double fraction = moved ? 1 : 0, still = 0;
     cn_status status = CN_OK;
     if (g->strict && !moved)
-        status = cn_touch_find(g);
+        status = cn_touch_find(g, true);
     else if (g->strict)
         status = cn_touch_allowed(g, true, &fraction);
     if (status != CN_OK) return status;

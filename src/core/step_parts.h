@@ -183,8 +183,8 @@ double cn_touch(const cn_group *g, cn_where at, bool stiff, bool exact);
 void cn_touch_note(const cn_group *g, double friction);
 /* The trial, a motion as long as it was to be, did not serve. */
 void cn_touch_overshot(const cn_group *g);
-/* Lists pairs around where things are; for a motion to come. */
-cn_status cn_touch_find(const cn_group *g);
+/* Lists pairs around where things are, with `moves` for a motion to come. */
+cn_status cn_touch_find(const cn_group *g, bool moves);
 /* Largest part of *fraction of every part's dx that strict contact allows; pairs are listed anew when the
  * motion leaves their reach, or at once (`anew`). */
 cn_status cn_touch_allowed(const cn_group *g, bool anew, double *fraction);

@@ -173,20 +173,25 @@ static double motion_length(const cn_group *g, double *beyond)
     return most;
 }
 
-/* A little more than the motion is listed, for what the solver adds. */
-static cn_status find(const cn_group *g, const double *motion)
+static cn_status find(const cn_group *g, const double *motion, double reach)
 {
     cn_work *work = g->work;
     for (int p = 0; p < g->n; p++)
         work->nfree[p] = free_points(&g->stage[p]);
-    return cn_contact_find(work->surfaces, work->contact, work->nfree, work->points, motion,
-                           2 * work->surfaces->gap, 0, work->pool);
+    return cn_contact_find(work->surfaces, work->contact, work->nfree, work->points, motion, reach, 0,
+                           work->pool);
 }
 
-cn_status cn_touch_find(const cn_group *g)
+/* A little more is listed, for what the solver adds. */
+static double solver_reach(const cn_group *g)
+{
+    return 2 * g->work->surfaces->gap;
+}
+
+cn_status cn_touch_find(const cn_group *g, bool moves)
 {
     cn_touch_points(g, CN_AT_STATE, g->work->points);
-    return find(g, NULL);
+    return find(g, NULL, moves ? solver_reach(g) : 0);
 }
 
 cn_status cn_touch_allowed(const cn_group *g, bool anew, double *fraction)
@@ -212,7 +217,7 @@ cn_status cn_touch_allowed(const cn_group *g, bool anew, double *fraction)
         if (anew || far > contact->reach) {
             const double cap = fmax(20 * model->gap, 2 * fast);
             if (!anew && most > cap) *fraction *= cap / most, motion_of(g, *fraction);
-            if ((status = find(g, work->motion)) != CN_OK) break;
+            if ((status = find(g, work->motion, solver_reach(g))) != CN_OK) break;
         }
         most = cn_contact_motion(model, contact, work->points, work->motion, 0.2, work->pool);
         if (!curved) *fraction *= most;
