@@ -167,8 +167,8 @@ void on_status(void *user, cn_ros_status *status)
         fclose(file);
     }
     const double t = wall_clock();
-    unsigned long came, lost;
-    cn_ros_traffic(node->ros, &came, &lost);
+    unsigned long came, lost, missing;
+    cn_ros_traffic(node->ros, &came, &lost, &missing);
 
     pthread_mutex_lock(&node->lock);
     const cn_progress p = node->progress;
@@ -206,6 +206,7 @@ void on_status(void *user, cn_ros_status *status)
     cn_ros_figure(status, "meshes dropped", "%d", meshes_dropped);
     cn_ros_figure(status, "messages received", "%lu", came);
     cn_ros_figure(status, "messages dropped", "%lu", lost);
+    cn_ros_figure(status, "messages missing by their numbers", "%lu", missing);
     cn_ros_figure(status, "memory [MB]", "%.1f", resident / 1e6);
     cn_ros_figure(status, "memory, highest [MB]", "%.1f", (double)cn_memory_peak() / 1e6);
 }

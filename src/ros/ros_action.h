@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <actionlib/server/action_server_base.h>
 #include <catnav/PlanCatheterAction.h>
-#include <ros/ros.h>
+#include "ros_parts.h"
 
 namespace catnav
 {
@@ -34,8 +34,9 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
 
   public:
     using Callback = boost::function<void(GoalHandle)>;
-    ActionServer(const ros::NodeHandle &handle, const std::string &name, Callback goal, Callback cancel)
-        : Base(goal, cancel, false), node_(handle, name)
+    ActionServer(const ros::NodeHandle &handle, const std::string &name, Gaps &gaps, Callback goal,
+                 Callback cancel)
+        : Base(goal, cancel, false), gaps_(gaps), node_(handle, name), goals_(node_), cancels_(node_)
     {
         start();
     }
@@ -58,12 +59,12 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
                 told_ = ros::WallTime();
                 if (started_) publishStatus();
             });
-        goal_ = node_.subscribe<PlanCatheterActionGoal>("goal", 64,
+        goal_ = gaps_.subscribe<PlanCatheterActionGoal>(goals_, "goal", 64,
                                                         [this](const PlanCatheterActionGoal::ConstPtr &m) {
                                                             pace_.keep();
                                                             goalCallback(m);
                                                         });
-        cancel_ = node_.subscribe<actionlib_msgs::GoalID>(
+        cancel_ = cancels_.subscribe<actionlib_msgs::GoalID>(
             "cancel", 64, [this](const actionlib_msgs::GoalID::ConstPtr &m) { onCancel(m); });
     }
 
@@ -144,7 +145,9 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
     }
 
     Pace pace_{rate, 64};
-    ros::NodeHandle node_;
+    Gaps &gaps_;
+    ros::NodeHandle node_, goals_, cancels_;
+    Lane goal_lane_{goals_}, cancel_lane_{cancels_};
     ros::Publisher result_, feedback_, status_;
     ros::Subscriber goal_, cancel_;
     ros::WallTimer timer_;

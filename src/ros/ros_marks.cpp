@@ -30,8 +30,8 @@ class catnav::Marks
                 send(event, *f, false);
             });
         }
-        click_ = ros->global.subscribe<geometry_msgs::PointStamped>(
-            "/clicked_point", 16, [this](const geometry_msgs::PointStamped::ConstPtr &m) {
+        click_ = ros->gaps.subscribe<geometry_msgs::PointStamped>(
+            clicks_, "/clicked_point", 16, [this](const geometry_msgs::PointStamped::ConstPtr &m) {
                 ros_->handlers.click(ros_->handlers.user, m->header.frame_id.c_str(), &m->point.x);
             });
         save_ = file("save_waypoints", ros->handlers.save);
@@ -122,6 +122,8 @@ class catnav::Marks
     int shown_ = 0;
     interactive_markers::InteractiveMarkerServer server_;
     interactive_markers::MenuHandler menu_;
+    ros::NodeHandle clicks_;
+    Lane click_lane_{clicks_};
     ros::Subscriber click_;
     ros::ServiceServer save_, load_;
 };

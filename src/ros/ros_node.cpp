@@ -40,10 +40,10 @@ cn_status cn_ros_start(cn_ros *ros, const cn_ros_handlers *handlers, int waiting
         ros->marks.reset(newMarks(ros));
         ros->plan.reset(newPlanDoor(ros, waiting));
         ros->tuning.reset(newTuning(ros));
-        const auto on_mesh = [ros](const catnav::WireMesh::ConstPtr &message) {
-            ros->handlers.mesh(ros->handlers.user, new cn_ros_message{message});
-        };
-        ros->mesh = h.subscribe<catnav::WireMesh>("artery_mesh", 8, on_mesh);
+        ros->mesh = ros->gaps.subscribe<catnav::WireMesh>(
+            ros->mesh_handle, "artery_mesh", 8, [ros](const catnav::WireMesh::ConstPtr &message) {
+                ros->handlers.mesh(ros->handlers.user, new cn_ros_message{message});
+            });
         ros->spinner = std::make_unique<ros::AsyncSpinner>(4); // none of the callbacks takes long
         ros->spinner->start();
         return CN_OK;
@@ -77,7 +77,7 @@ static bool busStats(XmlRpc::XmlRpcValue &stats)
     return told && stats.size() >= 2;
 }
 
-void cn_ros_traffic(cn_ros *ros, unsigned long *came, unsigned long *dropped)
+void cn_ros_traffic(cn_ros *ros, unsigned long *came, unsigned long *dropped, unsigned long *missing)
 {
     guarded([&] {
         XmlRpc::XmlRpcValue stats;
@@ -95,7 +95,7 @@ void cn_ros_traffic(cn_ros *ros, unsigned long *came, unsigned long *dropped)
         }
         ros->told = std::move(now);
     });
-    *came = ros->came, *dropped = ros->dropped;
+    *came = ros->came, *dropped = ros->dropped, *missing = ros->gaps.missing();
 }
 
 void cn_ros_free(cn_ros *ros)

@@ -109,8 +109,10 @@ cn_status cn_ros_new(cn_ros **out, int argc, char **argv, const char *name, cons
 cn_status cn_ros_start(cn_ros *ros, const cn_ros_handlers *handlers, int waiting, cn_error *error);
 bool cn_ros_ok(const cn_ros *ros);           /* false once the master or rosnode has shut the node down */
 bool cn_ros_mesh_senders(const cn_ros *ros); /* does anyone publish on ~artery_mesh? */
-/* Messages that have come on all topics, and those that roscpp has dropped unread, full of older ones. */
-void cn_ros_traffic(cn_ros *ros, unsigned long *came, unsigned long *dropped);
+/* Messages that have come on all topics; those that roscpp has dropped unread, for its queue was full;
+ * meshes, goals and clicked points that were sent and never looked at, by the gaps in their numbers: dropped
+ * here or by their senders' queues. Cancels carry no number. */
+void cn_ros_traffic(cn_ros *ros, unsigned long *came, unsigned long *dropped, unsigned long *missing);
 void cn_ros_free(cn_ros *ros); /* every call is answered; waits for callbacks, shuts down; NULL is fine */
 void cn_ros_log(cn_log_level level, const char *file, int line, const char *text); /* to rosconsole */
 

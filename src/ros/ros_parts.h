@@ -1,6 +1,7 @@
 // ros_parts.h - what the files behind ros_node.h share.
 #pragma once
 
+#include <cstring>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -64,6 +65,67 @@ template <class M> class Latched
     ros::Publisher publisher_;
 };
 
+// A queue of callbacks with a thread of its own, for topics that others may flood: of several threads of one
+// queue all but the one that is in a topic's callback ask for the next again and again, without a pause.
+struct Lane {
+    ros::CallbackQueue queue;
+    ros::AsyncSpinner spinner{1, &queue};
+    // The handle's subscriptions from now on are served here.
+    explicit Lane(ros::NodeHandle &handle)
+    {
+        handle.setCallbackQueue(&queue);
+        spinner.start();
+    }
+};
+
+// roscpp and rospy number what a publisher sends in header.seq: a gap is what was sent and never looked at,
+// for the sender's queue or our own was full. A first number, the same again and a lower one (a sender anew)
+// are no gap.
+class Gaps
+{
+  public:
+    // Calls back with each message once its number has been looked at.
+    template <class M, class F>
+    ros::Subscriber subscribe(ros::NodeHandle &handle, const char *topic, uint32_t queue, F call)
+    {
+        const boost::function<void(const ros::MessageEvent<const M> &)> look_and_call =
+            [this, topic, call](const ros::MessageEvent<const M> &event) {
+                look(topic + (" " + event.getPublisherName()), number(*event.getConstMessage()));
+                call(event.getConstMessage());
+            };
+        return handle.subscribe<M, const ros::MessageEvent<const M> &>(topic, queue, look_and_call);
+    }
+    unsigned long missing() const
+    {
+        std::lock_guard<std::mutex> guard(lock_);
+        return missing_;
+    }
+
+  private:
+    static constexpr size_t most = 1024; // senders remembered; all are forgotten when there are more
+
+    template <class M> static uint32_t number(const M &message) { return message.header.seq; }
+    static uint32_t number(const WireMesh &mesh)
+    {
+        uint32_t seq = 0; // a mesh begins with it
+        if (mesh.bytes.size() >= sizeof seq) memcpy(&seq, mesh.bytes.data(), sizeof seq);
+        return seq;
+    }
+    void look(const std::string &sender, uint32_t seq)
+    {
+        std::lock_guard<std::mutex> guard(lock_);
+        if (last_.size() >= most) last_.clear();
+        const auto found = last_.emplace(sender, seq).first;
+        const uint32_t step = seq - found->second; // numbers begin anew after the last there is
+        if (step > 0 && step < UINT32_C(1) << 31) missing_ += step - 1;
+        found->second = seq;
+    }
+
+    mutable std::mutex lock_;
+    std::map<std::string, uint32_t> last_; // number by topic and sender
+    unsigned long missing_ = 0;
+};
+
 class PlanDoor; // ~plan and ~plan_action: calls by number, from request to answer (ros_plan.cpp)
 class Marks;    // waypoints by mouse (ros_marks.cpp)
 class Tuning;   // run-time settings and diagnostics (ros_tuning.cpp)
@@ -90,6 +152,9 @@ struct cn_ros {
     catnav::Latched<nav_msgs::Path> path;
     catnav::Latched<sensor_msgs::PointCloud2> medial_axis;
     ros::Publisher state;
+    catnav::Gaps gaps;
+    ros::NodeHandle mesh_handle{"~"};
+    catnav::Lane mesh_lane{mesh_handle};
     ros::Subscriber mesh;
     ros::WallTimer feedback;
     std::unique_ptr<catnav::Frames> frames;

@@ -27,7 +27,7 @@ class catnav::PlanDoor
           spinner_(uint32_t(waiting + 2), &queue_)
     {
         server_ = std::make_unique<Server>(
-            ros->handle, "plan_action", [this](Server::GoalHandle g) { onGoal(g); },
+            ros->handle, "plan_action", ros->gaps, [this](Server::GoalHandle g) { onGoal(g); },
             [this](Server::GoalHandle g) { onCancel(g); });
         ros::NodeHandle handle(ros->handle);
         handle.setCallbackQueue(&queue_);

@@ -76,10 +76,10 @@ bool cn_ros_mesh_senders(const cn_ros *ros)
     (void)ros;
     return false;
 }
-void cn_ros_traffic(cn_ros *ros, unsigned long *came, unsigned long *dropped)
+void cn_ros_traffic(cn_ros *ros, unsigned long *came, unsigned long *dropped, unsigned long *missing)
 {
     (void)ros;
-    *came = *dropped = 0;
+    *came = *dropped = *missing = 0;
 }
 void cn_ros_free(cn_ros *ros)
 {

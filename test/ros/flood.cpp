@@ -9,7 +9,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <sys/resource.h>
 #include <thread>
 #include <catnav/PlanCatheterActionGoal.h>
 #include <catnav/SurfaceMesh.h>
@@ -57,7 +56,6 @@ int main(int argc, char **argv)
 {
     ros::init(argc, argv, "flood", ros::init_options::AnonymousName);
     if (argc != 4) return 2;
-    setpriority(PRIO_PROCESS, 0, 19); // threads begun from here on are as modest
     ros::NodeHandle handle(argv[1]);
     const double seconds = atof(argv[2]), rate = atof(argv[3]) / 3;
     auto meshes = handle.advertise<catnav::SurfaceMesh>("artery_mesh", 100);

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
 """Short forms of what scripts/ros/hammer.py does for as long as one likes."""
+import contextlib
 import io
 import os
 import struct
@@ -14,6 +15,22 @@ from catnav.msg import Verdict
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.realpath(__file__)), '../../scripts/ros'))
 import hammer  # noqa: E402
+
+
+@contextlib.contextmanager
+def sender(topic, kind):
+    """Sends bytes as they are as messages of that kind."""
+    forger = type('Forged', (kind,), {'__slots__': ('forged',), 'serialize': lambda self, buff: buff.write(self.forged)})
+    publisher = rospy.Publisher(topic, forger, queue_size=100)
+    while not publisher.get_num_connections():
+        time.sleep(0.02)
+
+    def send(forged):
+        message = forger()
+        message.forged = forged
+        publisher.publish(message)
+    yield send
+    publisher.unregister()
 
 
 class Hammered(unittest.TestCase):
@@ -42,16 +59,30 @@ class Hammered(unittest.TestCase):
             point = struct.pack('<3d', first.x, first.y, first.z)
             forged = bytes_.getvalue().replace(struct.pack('<I', count) + point, struct.pack('<I', 2**27) + point, 1)
             self.assertNotEqual(forged, bytes_.getvalue())
-            forger = type('Forged', (type(message),), {'__slots__': (), 'serialize': lambda self, buff: buff.write(forged)})
-            publisher = rospy.Publisher(f'{node.name}/{kind}', forger, queue_size=100)
-            while not publisher.get_num_connections():
-                time.sleep(0.02)
-            for _ in range(20):
-                publisher.publish(forger())
-            time.sleep(1)
-            publisher.unregister()
+            with sender(f'{node.name}/{kind}', type(message)) as send:
+                for _ in range(20):
+                    send(forged)
+                time.sleep(1)
         self.assertEqual(node.client.plan(hammer.SHORT).verdict.code, Verdict.REACHED)
         self.assertLess(node.peak() - highest, 32 * 2**20 * hammer.PATIENCE)  # 2^27 points would be 3 GiB
+        node.close()
+
+    def test_what_is_sent_and_never_looked_at_is_counted_by_its_number(self):
+        node, missing = hammer.Node(), 'messages missing by their numbers'
+        self.assertEqual(node.diagnostics()[missing], '0')
+        for kind, message, numbers, expected in (  # its mesh had the number 1
+                ('artery_mesh', hammer.message(*hammer.TUBE), [1, 2, 5, 5, 3, 4], 2),
+                ('plan_action/goal', hammer.goal_of([]), [2**32 - 2, 1, 0, 1], 2 + 2)):
+            with sender(f'{node.name}/{kind}', type(message)) as send:
+                for message.header.seq in numbers:
+                    bytes_ = io.BytesIO()
+                    message.serialize(bytes_)
+                    send(bytes_.getvalue())
+                    time.sleep(0.1)
+            until = time.monotonic() + hammer.WAIT
+            while int(node.diagnostics()[missing]) < expected and time.monotonic() < until:
+                pass
+            self.assertEqual(node.diagnostics()[missing], str(expected), kind)
         node.close()
 
     def test_eight_clients_get_one_answer_to_every_call(self):
