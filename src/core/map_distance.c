@@ -7,13 +7,35 @@
 #include <string.h>
 
 enum { LANES = 8, ROWS = CN_MAP_CELLS / LANES }; /* the samples of a row, along x */
+#pragma GCC diagnostic ignored "-Wpsabi"         /* vectors are returned by inlined functions only */
 typedef float lanes __attribute__((vector_size(4 * LANES)));
 typedef int flags __attribute__((vector_size(4 * LANES)));
+typedef long long halves __attribute__((vector_size(4 * LANES)));
 #define PICK(mask, yes, no) ((lanes)(((mask) & (flags)(yes)) | (~(mask) & (flags)(no))))
-#define EACH_LEAST(a, b)    PICK((a) < (b), a, b) /* lane by lane */
-#define EACH_MOST(a, b)     PICK((a) > (b), a, b)
 #define LEAST(a, b)         ((a) < (b) ? (a) : (b))
 #define MOST(a, b)          ((a) > (b) ? (a) : (b))
+#define LANE_BY_LANE        static inline __attribute__((always_inline))
+
+/* Written so that compilers see the one instruction that does it. */
+LANE_BY_LANE lanes each_least(lanes a, lanes b)
+{
+    lanes c;
+    for (int i = 0; i < LANES; i++)
+        c[i] = LEAST(a[i], b[i]);
+    return c;
+}
+LANE_BY_LANE lanes each_most(lanes a, lanes b)
+{
+    lanes c;
+    for (int i = 0; i < LANES; i++)
+        c[i] = MOST(a[i], b[i]);
+    return c;
+}
+LANE_BY_LANE uint64_t any_lane(flags f)
+{
+    const halves h = (halves)f;
+    return (uint64_t)((h[0] | h[1]) | (h[2] | h[3]));
+}
 
 enum { CHUNK = 32 }; /* bricks a task */
 
@@ -138,16 +160,17 @@ CLONES static float largest(rows *field)
     return all;
 }
 
-typedef long long halves __attribute__((vector_size(4 * LANES)));
+/* A triangle, in samples from the brick's. */
+typedef struct {
+    float corner[3][3], along[3][3]; /* the edge from each corner ... */
+    float over[3], in[3][3];         /* ... 1 / its length squared, its normal in the plane, inward */
+    float normal[3], low[3], high[3];
+    bool flat; /* nothing is inside a triangle without area */
+} facet;
 
-/* Lowers the distances of a brick's samples to those of one triangle (corners in samples from the brick's).
- * Most samples are nearer to another one already, by its box or its plane: SLACK keeps those that rounding
- * leaves in doubt. */
-#define SLACK 1e-3f
-CLONES static void splat(rows *field, const double v[3][3])
+CLONES static void facet_new(facet *f, const double v[3][3])
 {
     double n[3], e[3][3];
-    float corner[3][3], along[3][3], over[3], in[3][3], low[3], high[3];
     for (int k = 0; k < 3; k++)
         for (int i = 0; i < 3; i++)
             e[k][i] = v[(k + 1) % 3][i] - v[k][i];
@@ -159,46 +182,81 @@ CLONES static void splat(rows *field, const double v[3][3])
         n[i] *= inverse;
     for (int k = 0; k < 3; k++) {
         const double length2 = e[k][0] * e[k][0] + e[k][1] * e[k][1] + e[k][2] * e[k][2];
-        over[k] = length2 > 0 ? (float)(1 / length2) : 0;
-        in[k][0] = (float)(n[1] * e[k][2] - n[2] * e[k][1]); /* normal of the edge in the plane, inward */
-        in[k][1] = (float)(n[2] * e[k][0] - n[0] * e[k][2]);
-        in[k][2] = (float)(n[0] * e[k][1] - n[1] * e[k][0]);
+        f->over[k] = length2 > 0 ? (float)(1 / length2) : 0;
+        f->in[k][0] = (float)(n[1] * e[k][2] - n[2] * e[k][1]);
+        f->in[k][1] = (float)(n[2] * e[k][0] - n[0] * e[k][2]);
+        f->in[k][2] = (float)(n[0] * e[k][1] - n[1] * e[k][0]);
         for (int i = 0; i < 3; i++)
-            corner[k][i] = (float)v[k][i], along[k][i] = (float)e[k][i];
-        low[k] = (float)LEAST(LEAST(v[0][k], v[1][k]), v[2][k]);
-        high[k] = (float)MOST(MOST(v[0][k], v[1][k]), v[2][k]);
+            f->corner[k][i] = (float)v[k][i], f->along[k][i] = (float)e[k][i];
+        f->low[k] = (float)LEAST(LEAST(v[0][k], v[1][k]), v[2][k]);
+        f->high[k] = (float)MOST(MOST(v[0][k], v[1][k]), v[2][k]);
+        f->normal[k] = (float)n[k];
     }
-    const float normal[3] = {(float)n[0], (float)n[1], (float)n[2]};
+    f->flat = !(area2 > 0);
+}
+
+#define EACH_EDGE(k) _Pragma("GCC unroll 3") for (int k = 0; k < 3; k++)
+
+/* Lanes of a row that lie inside the triangle, seen along its normal. */
+LANE_BY_LANE flags inside_facet(const facet *f, lanes x, float y, float z)
+{
+    const lanes zero = {0};
+    flags inside = zero == zero + (f->flat ? 1.0f : 0.0f);
+    EACH_EDGE(k)
+    {
+        const float wy = y - f->corner[k][1], wz = z - f->corner[k][2];
+        inside &= (x - f->corner[k][0]) * f->in[k][0] + (wy * f->in[k][1] + wz * f->in[k][2]) >= zero;
+    }
+    return inside;
+}
+
+/* Squared distances to its edges, at most `most`. */
+LANE_BY_LANE lanes nearest_edge(const facet *f, lanes x, float y, float z, lanes most)
+{
     const lanes zero = {0}, one = zero + 1;
-    const lanes x = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
-    const float gap_x = low[0] > 7.5f ? low[0] - 7.5f : high[0] < 0.5f ? 0.5f - high[0] : 0;
-    const lanes left = low[0] - x, right = x - high[0], out = EACH_MOST(EACH_MOST(left, right), zero);
-    const lanes box_x = out * out;
-    for (int r = 0; r < ROWS; r++) {
-        const float y = (float)(r & 7) + 0.5f, z = (float)(r >> 3) + 0.5f;
-        const float gap_y = low[1] > y ? low[1] - y : high[1] < y ? y - high[1] : 0;
-        const float gap_z = low[2] > z ? low[2] - z : high[2] < z ? z - high[2] : 0;
-        if (gap_x * gap_x + gap_y * gap_y + gap_z * gap_z >= field->most[r]) continue;
-        const lanes h = (x - corner[0][0]) * normal[0] +
-                        ((y - corner[0][1]) * normal[1] + (z - corner[0][2]) * normal[2]);
-        const lanes open = field->best[r] + SLACK;
-        const halves hope = (halves)((h * h < open) & (box_x + (gap_y * gap_y + gap_z * gap_z) < open));
-        if (!(hope[0] | hope[1] | hope[2] | hope[3])) continue;
-        lanes edge = zero + 1e30f;
-        flags inside =
-            zero == (zero + (area2 > 0 ? 0.0f : 1.0f)); /* nothing is inside a triangle without area */
-        for (int k = 0; k < 3; k++) {
-            const lanes wx = x - corner[k][0];
-            const float wy = y - corner[k][1], wz = z - corner[k][2];
-            const lanes t = EACH_LEAST(
-                EACH_MOST((wx * along[k][0] + (wy * along[k][1] + wz * along[k][2])) * over[k], zero), one);
-            const lanes dx = wx - t * along[k][0], dy = wy - t * along[k][1], dz = wz - t * along[k][2];
-            const lanes d = dx * dx + dy * dy + dz * dz;
-            edge = EACH_LEAST(d, edge);
-            inside &= wx * in[k][0] + (wy * in[k][1] + wz * in[k][2]) >= zero;
+    EACH_EDGE(k)
+    {
+        const float *along = f->along[k], wy = y - f->corner[k][1], wz = z - f->corner[k][2];
+        const lanes wx = x - f->corner[k][0];
+        const lanes foot = (wx * along[0] + (wy * along[1] + wz * along[2])) * f->over[k];
+        const lanes t = each_least(each_most(foot, zero), one);
+        const lanes dx = wx - t * along[0], dy = wy - t * along[1], dz = wz - t * along[2];
+        most = each_least(dx * dx + dy * dy + dz * dz, most);
+    }
+    return most;
+}
+
+/* Lowers the distances of a brick's samples to those of one triangle. Most samples are nearer to another one
+ * already, by its box or its plane: SLACK keeps those that rounding leaves in doubt. */
+#define SLACK 1e-3f
+CLONES static void splat(rows *restrict field, const facet *restrict f)
+{
+    const lanes zero = {0}, at = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f}; /* on each axis */
+    const flags bit = {1, 2, 4, 8, 16, 32, 64, 128};
+    lanes out[3]; /* of the box, squared */
+    for (int k = 0; k < 3; k++) {
+        out[k] = each_most(each_most(f->low[k] - at, at - f->high[k]), zero);
+        out[k] *= out[k];
+    }
+    const float gap_x = f->low[0] > 7.5f ? f->low[0] - 7.5f : f->high[0] < 0.5f ? 0.5f - f->high[0] : 0;
+    const lanes gap_xy = gap_x * gap_x + out[1];
+    for (int iz = 0; iz < 8; iz++) {
+        lanes most;
+        memcpy(&most, field->most + 8 * iz, sizeof most);
+        const uint64_t near = any_lane((gap_xy + out[2][iz] < most) & bit);
+        for (unsigned left = (unsigned)(near | near >> 32); left; left &= left - 1) {
+            const int iy = __builtin_ctz(left);
+            const float y = (float)iy + 0.5f, z = (float)iz + 0.5f;
+            const float dy = y - f->corner[0][1], dz = z - f->corner[0][2];
+            lanes *best = field->best + 8 * iz + iy;
+            const lanes h = (at - f->corner[0][0]) * f->normal[0] + (dy * f->normal[1] + dz * f->normal[2]);
+            const lanes open = *best + SLACK;
+            const flags hope = (h * h < open) & (out[0] + (out[1][iy] + out[2][iz]) < open);
+            if (!any_lane(hope)) continue;
+            const flags inside = inside_facet(f, at, y, z);
+            const lanes edge = any_lane(hope & ~inside) ? nearest_edge(f, at, y, z, *best) : *best;
+            *best = each_least(PICK(inside, h * h, edge), *best);
         }
-        const lanes d = PICK(inside, h * h, edge);
-        field->best[r] = EACH_LEAST(d, field->best[r]);
     }
 }
 
@@ -213,7 +271,9 @@ static int near_triangles(const job *j, const int place[3], near **list, int *ro
 {
     const cn_map_level *level = j->level;
     int low[3], high[3], n = 0, at[3];
+    float corner[3];
     for (int k = 0; k < 3; k++) {
+        corner[k] = (float)(8 * (place[k] - 1));
         low[k] = place[k] > 0 ? place[k] - 1 : 0;
         high[k] = place[k] < level->size[k] - 1 ? place[k] + 1 : place[k];
     }
@@ -226,8 +286,8 @@ static int near_triangles(const job *j, const int place[3], near **list, int *ro
                     const float *box = j->box[j->item[i]];
                     float gap2 = 0;
                     for (int k = 0; k < 3; k++) {
-                        const float corner = (float)(8 * (place[k] - 1)), a = box[k] - corner - 7.5f;
-                        const float b = corner + 0.5f - box[3 + k], gap = MOST(MOST(a, b), 0);
+                        const float a = box[k] - corner[k] - 7.5f, b = corner[k] + 0.5f - box[3 + k];
+                        const float most = MOST(a, b), gap = MOST(most, 0);
                         gap2 += gap * gap;
                     }
                     if (gap2 > (float)(CN_MAP_BAND * CN_MAP_BAND)) continue;
@@ -283,10 +343,12 @@ static void measure_brick(const job *j, int brick, const near *list, const int *
         if (i % 4 == 3) most = largest(&field);
         if (candidate->gap2 >= most) continue;
         double v[3][3];
+        facet f;
         for (int c = 0; c < 3; c++)
             for (int k = 0; k < 3; k++)
                 v[c][k] = j->walls->tri[candidate->tri][3 * c + k] * j->scale - 8.0 * (place[k] - 1);
-        splat(&field, v);
+        facet_new(&f, v);
+        splat(&field, &f);
     }
     uint8_t *value = j->level->value + (int64_t)brick * CN_MAP_CELLS;
     const float *best = (const float *)field.best;

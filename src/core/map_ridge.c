@@ -13,15 +13,15 @@
 #define RISE_MOST                                                                                            \
     0.6 /* of the distance on the ridge; 1 away from it: nearest points seen 106 degrees apart */
 
-enum { CHUNK = 64, ASCENT_MOST = 4096, PRUNINGS = 3 };
+enum { CHUNK = 64, ASCENT_MOST = 4096, PRUNINGS = 3, ROOTS = 3 * 15 * 15 + 1, AHEAD = 16 };
 
 typedef struct {
     cn_map *map;
     uint64_t *candidate[CN_MAP_LEVELS]; /* samples on the ridge (nbrick x 8) */
     int level;
-    uint64_t *ridge;   /* cells (nbrick x 8) */
-    int (*beside)[27]; /* the bricks around each of level 0 and itself, -1: none */
-    uint32_t adjacent26[27], adjacent6[27];
+    uint64_t *ridge;   /* cells, then an empty brick (nbrick + 1, x 8) */
+    int (*beside)[27]; /* the bricks around each of level 0 and itself, the empty one where there is none */
+    double root[ROOTS];
     int ncell;
     struct cell {
         float distance;
@@ -48,9 +48,9 @@ static double neighbour_distance(int n)
     return length[(n % 3 != 1) + (n / 3 % 3 != 1) + (n / 9 != 1)];
 }
 
-/* Steepest rise of the stored distances from a sample to a neighbour, or the first found that is `enough`;
- * *to is that neighbour. INFINITY where a neighbour lies beyond the band: the next level sees to that. */
-static double rise(const cn_map_level *level, int brick, int offset, double enough, int *to)
+/* Steepest rise of the stored distances from a sample to a neighbour; *to is that neighbour. INFINITY where a
+ * neighbour lies beyond the band: the next level sees to that. */
+static double rise(const cn_map_level *level, int brick, int offset, int *to)
 {
     static const int order[26] = {4,  10, 12, 14, 16, 22, 1, 3, 5, 7,  9,  11, 15,
                                   17, 19, 21, 23, 25, 0,  2, 6, 8, 18, 20, 24, 26};
@@ -73,26 +73,88 @@ static double rise(const cn_map_level *level, int brick, int offset, double enou
         if (code == CN_MAP_FAR) return INFINITY;
         const double slope = (code - *value) * CN_MAP_QUANTUM / neighbour_distance(n);
         if (slope > most) most = slope, *to = n;
-        if (most >= enough) break;
     }
     return most;
 }
 
+typedef uint8_t values __attribute__((vector_size(8))); /* of a brick's samples, along x */
+
+static values larger(values a, values b)
+{
+    const values first = (values)(a > b);
+    return (a & first) | (b & ~first);
+}
+
+/* Lanes of b that are no less than a + rise, or beyond the band. */
+static values reaches(values b, values a, int rise)
+{
+    const values sum = a + (uint8_t)rise, most = sum | (values)(sum < a);
+    return (values)(b >= most);
+}
+
+/* The samples of a brick and of those around it, one deep, 0 where there are none: each values as it is, and
+ * the larger of its two neighbours along x. */
+static void read_rows(const cn_map_level *level, int brick, values own[10][10], values beside[10][10])
+{
+    const uint8_t *part[27];
+    for (int n = 0; n < 27; n++) {
+        int q[3];
+        neighbour(level->place[brick], n, q);
+        const int b = cn_map_brick_at(level, q);
+        part[n] = b < 0 ? NULL : level->value + (int64_t)b * CN_MAP_CELLS;
+    }
+    for (int z = 0; z < 10; z++)
+        for (int y = 0; y < 10; y++) {
+            const int at = 64 * ((z + 7) & 7) + 8 * ((y + 7) & 7);
+            const uint8_t *const *three = part + 9 * ((z + 7) >> 3) + 3 * ((y + 7) >> 3);
+            uint8_t line[10] = {0};
+            values below, above;
+            if (three[0]) line[0] = three[0][at + 7];
+            if (three[1]) memcpy(line + 1, three[1] + at, 8);
+            if (three[2]) line[9] = three[2][at];
+            memcpy(&below, line, 8), memcpy(own[z] + y, line + 1, 8), memcpy(&above, line + 2, 8);
+            beside[z][y] = larger(below, above);
+        }
+}
+
+/* Samples from which the distance rises towards no neighbour by RISE_MOST of the way there. */
 static void find_candidates(void *user, int task)
 {
     const job *j = user;
     const cn_map_level *level = j->map->level + j->level;
-    const double least =
-        (j->level ? 2 : 1) / CN_MAP_QUANTUM; /* finer levels see to what is nearer to the wall */
+    const int least = (int)ceil((j->level ? 2 : 1) / CN_MAP_QUANTUM); /* what is nearer to the wall: finer */
     const int end = (task + 1) * CHUNK < level->nbrick ? (task + 1) * CHUNK : level->nbrick;
-    for (int b = task * CHUNK; b < end; b++)
-        for (int o = 0; o < CN_MAP_CELLS; o++) {
-            const int code = level->value[(int64_t)b * CN_MAP_CELLS + o];
-            int to;
-            if (code == CN_MAP_FAR || code < least || !cn_map_bit(level->mask, b, o)) continue;
-            if (rise(level, b, o, RISE_MOST, &to) < RISE_MOST)
-                j->candidate[j->level][8 * (int64_t)b + (o >> 6)] |= 1ull << (o & 63);
-        }
+    int enough[3] = {0, 0, 0}; /* least rise to a neighbour across a face, an edge, a corner [quanta] */
+    for (int k = 0; k < 3; k++)
+        while (enough[k] * CN_MAP_QUANTUM / neighbour_distance(k == 0 ? 4 : k == 1 ? 1 : 0) < RISE_MOST)
+            enough[k]++;
+    for (int b = task * CHUNK; b < end; b++) {
+        values own[10][10], beside[10][10];
+        uint64_t any = 0;
+        for (int w = 0; w < 8; w++)
+            any |= level->mask[8 * (int64_t)b + w];
+        if (!any) continue;
+        read_rows(level, b, own, beside);
+        for (int z = 1; z < 9; z++)
+            for (int y = 1; y < 9; y++) {
+                const values at = own[z][y];
+                values face = beside[z][y], edge = {0}, corner = {0};
+                for (int s = -1; s <= 1; s += 2) {
+                    face = larger(face, larger(own[z + s][y], own[z][y + s]));
+                    edge = larger(edge, larger(beside[z + s][y], beside[z][y + s]));
+                    edge = larger(edge, larger(own[z + s][y - 1], own[z + s][y + 1]));
+                    corner = larger(corner, larger(beside[z + s][y - 1], beside[z + s][y + 1]));
+                }
+                const values none = reaches(face, at, enough[0]) | reaches(edge, at, enough[1]) |
+                                    reaches(corner, at, enough[2]);
+                const values found = ~none & (values)(at >= (uint8_t)least) & (values)(at != CN_MAP_FAR);
+                if (!((uint64_t)found)) continue;
+                uint64_t bits = 0;
+                for (int x = 0; x < 8; x++)
+                    bits |= (uint64_t)(found[x] & 1) << (8 * (y - 1) + x);
+                j->candidate[j->level][8 * (int64_t)b + z - 1] |= bits & level->mask[8 * (int64_t)b + z - 1];
+            }
+    }
 }
 
 /* Adds the free cells of a sample to the ridge: a cube within a brick, or one of whole bricks. */
@@ -161,7 +223,7 @@ static void ascend(job *j, int l, const int from[3])
         if (!cn_map_find(level, i, &brick, &offset) || cn_map_bit(j->candidate[l], brick, offset)) return;
         int to = 13;
         const bool far = level->value[(int64_t)brick * CN_MAP_CELLS + offset] == CN_MAP_FAR;
-        const double slope = far ? INFINITY : rise(level, brick, offset, INFINITY, &to);
+        const double slope = far ? INFINITY : rise(level, brick, offset, &to);
         if (slope <= 0) return;
         if (slope == INFINITY) {
             if (++l == j->map->nlevel) return;
@@ -178,12 +240,12 @@ static void join_pieces(job *j)
 {
     for (int l = 0; l < j->map->nlevel; l++) {
         const cn_map_level *level = j->map->level + l;
-        for (int b = 0; b < level->nbrick; b++)
-            for (int o = 0; o < CN_MAP_CELLS; o++) {
-                if (!cn_map_bit(j->candidate[l], b, o)) continue;
+        for (int w = 0; w < 8 * level->nbrick; w++)
+            for (uint64_t bits = j->candidate[l][w]; bits; bits &= bits - 1) {
+                const int b = w / 8, o = 64 * (w % 8) + __builtin_ctzll(bits);
                 int i[3], to, q[3], brick, offset;
                 coordinates(level, b, o, i);
-                if (rise(level, b, o, INFINITY, &to) < 2 * CN_MAP_QUANTUM) continue;
+                if (rise(level, b, o, &to) < 2 * CN_MAP_QUANTUM) continue;
                 neighbour(i, to, q);
                 if (cn_map_find(level, q, &brick, &offset) && cn_map_bit(j->candidate[l], brick, offset))
                     continue;
@@ -194,34 +256,59 @@ static void join_pieces(job *j)
 
 /* --- thinning --- */
 
+/* Rows y - 1, y, y + 1 of a layer of three bricks along y (each 3 entries after the last), a byte each. */
+static uint32_t three_rows(const uint64_t *layer, const int *brick, int y)
+{
+    const uint64_t own = layer[8 * (int64_t)brick[3]];
+    if (y == 0) return (uint32_t)(own << 8 | layer[8 * (int64_t)brick[0]] >> 56);
+    if (y == 7) return (uint32_t)(own >> 48 | layer[8 * (int64_t)brick[6]] << 16);
+    return (uint32_t)(own >> 8 * (y - 1));
+}
+
 /* The ridge among the 26 neighbours of a cell, as bits. */
 static uint32_t around(const job *j, int id)
 {
     const int x = id & 7, y = id >> 3 & 7, z = id >> 6 & 7, *beside = j->beside[id / CN_MAP_CELLS];
     uint32_t bits = 0;
-    for (int k = 0; k < 9; k++) {
-        const int row = y + k % 3 - 1, layer = z + k / 3 - 1;
-        const int *three = beside + 9 * ((layer >> 3) + 1) + 3 * ((row >> 3) + 1);
-        const int64_t word = layer & 7, shift = 8 * (row & 7);
-        uint32_t set = 0;
-        if (x == 0 && three[0] >= 0) set |= j->ridge[8 * (int64_t)three[0] + word] >> shift >> 7 & 1;
-        if (three[1] >= 0) set |= (uint32_t)(j->ridge[8 * (int64_t)three[1] + word] >> shift & 255) << 1;
-        if (x == 7 && three[2] >= 0)
-            set |= (uint32_t)(j->ridge[8 * (int64_t)three[2] + word] >> shift & 1) << 9;
-        bits |= (set >> x & 7) << 3 * k;
+    for (int k = 0; k < 3; k++) {
+        const int *nine = beside + 9 * (((z + k - 1) >> 3) + 1);
+        const uint64_t *layer = j->ridge + ((z + k - 1) & 7);
+        const uint32_t rows = three_rows(layer, nine + 1, y);
+        uint32_t set;
+        if (x == 0)
+            set = (rows << 1 & 0x060606) | (three_rows(layer, nine, y) >> 7 & 0x010101);
+        else if (x == 7)
+            set = (rows >> 6 & 0x030303) | (three_rows(layer, nine + 2, y) << 2 & 0x040404);
+        else
+            set = rows >> (x - 1) & 0x070707;
+        bits |= ((set & 7) | (set >> 5 & 070) | (set >> 10 & 0700)) << 9 * k;
     }
     return bits & ~(1u << 13);
 }
 
-static uint32_t flood(uint32_t set, uint32_t seed, const uint32_t adjacent[27])
+/* Bits of a 3 x 3 x 3 block: x = 0, x = 2, y = 0, y = 2. */
+enum { X0 = 0x1249249, X2 = X0 << 2, Y0 = 0x1c0e07, Y2 = Y0 << 6 };
+
+/* The part of set joined to the seed across faces, edges and corners. */
+static uint32_t flood26(uint32_t set, uint32_t seed)
 {
-    uint32_t done = 0, front = seed;
-    while (front) {
-        const int n = __builtin_ctz(front);
-        done |= 1u << n;
-        front = (front | (adjacent[n] & set)) & ~done;
+    for (uint32_t done = seed;; seed = done) {
+        done |= (done & ~X2) << 1 | (done & ~X0) >> 1;
+        done |= (done & ~Y2) << 3 | (done & ~Y0) >> 3;
+        done = (done | done << 9 | done >> 9) & set;
+        if (done == seed) return done;
     }
-    return done;
+}
+
+/* The same across faces. */
+static uint32_t flood6(uint32_t set, uint32_t seed)
+{
+    for (uint32_t done = seed;; seed = done) {
+        done |= ((done & ~X2) << 1 | (done & ~X0) >> 1 | (done & ~Y2) << 3 | (done & ~Y0) >> 3 | done << 9 |
+                 done >> 9) &
+                set;
+        if (done == seed) return done;
+    }
 }
 
 enum {
@@ -232,12 +319,11 @@ enum {
 
 /* Its removal changes no topology: one piece of ridge around it and one of the rest (Bertrand and Malandain
  * 1994). */
-static bool simple(const job *j, uint32_t set)
+static bool simple(uint32_t set)
 {
     const uint32_t rest = ~set & NO_CORNERS, open = rest & FACES;
     if (!set || !open) return false;
-    if (flood(set, set & -set, j->adjacent26) != set) return false;
-    return !(open & ~flood(rest, open & -open, j->adjacent6));
+    return flood26(set, set & -set) == set && !(open & ~flood6(rest, open & -open));
 }
 
 static void remove_cell(job *j, int id)
@@ -257,9 +343,13 @@ static void thin(job *j)
         int n = 0;
         changed = false;
         for (int c = 0; c < j->ncell; c++) {
+            if (c + AHEAD < j->ncell) {
+                const int next = j->cell[c + AHEAD].id / CN_MAP_CELLS;
+                __builtin_prefetch(j->ridge + 8 * (int64_t)next), __builtin_prefetch(j->beside + next);
+            }
             if (!present(j, j->cell[c].id)) continue;
             const uint32_t set = around(j, j->cell[c].id);
-            if (__builtin_popcount(set) > 1 && simple(j, set))
+            if ((set & (set - 1)) && simple(set))
                 remove_cell(j, j->cell[c].id), changed = true;
             else
                 j->cell[n++] = j->cell[c];
@@ -333,26 +423,28 @@ static void read_corners(const cn_map_level *level, const int first[3], corners 
 }
 
 /* Upper bound on the distance of a cell's centre: the least d_i + |x - x_i| over the samples around it, exact
- * on the axis of a tube and so without a preference for the lattice. */
-static double upper(const cn_map *map, int id, corners around[CN_MAP_LEVELS])
+ * on the axis of a tube and so without a preference for the lattice. Lengths |x - x_i| are roots of whole
+ * numbers in units of half a cell. */
+static double upper(const job *j, int id, corners around[CN_MAP_LEVELS])
 {
+    const cn_map *map = j->map;
     int i[3];
     if (map->level->value[id] != CN_MAP_FAR) return map->level->value[id] * CN_MAP_QUANTUM;
     coordinates(map->level, id / CN_MAP_CELLS, id % CN_MAP_CELLS, i);
     for (int l = 1; l < map->nlevel; l++) {
         corners *c = around + l;
-        int s[3];
-        double x[3], best = INFINITY;
-        for (int k = 0; k < 3; k++)
-            x[k] = (i[k] + 0.5) / (1 << l) - 0.5, s[k] = (int)floor(x[k]);
+        const int spacing = 2 << l; /* [half cells] */
+        int s[3], square[3][2];
+        double best = INFINITY;
+        for (int k = 0; k < 3; k++) {
+            const int x = 2 * i[k] + 1 - spacing / 2, low = x & (spacing - 1), high = spacing - low;
+            s[k] = x >> (l + 1), square[k][0] = low * low, square[k][1] = high * high;
+        }
         if (!c->known || memcmp(s, c->first, sizeof s)) read_corners(map->level + l, s, c);
         for (int n = 0; n < 8 && c->whole; n++) {
-            double away = 0;
-            for (int k = 0; k < 3; k++) {
-                const double d = x[k] - (s[k] + (n >> k & 1));
-                away += d * d;
-            }
-            best = fmin(best, c->distance[n] + sqrt(away));
+            const int away = square[0][n & 1] + square[1][n >> 1 & 1] + square[2][n >> 2];
+            const double through = c->distance[n] + (away < ROOTS ? j->root[away] : sqrt(away)) / spacing;
+            best = through < best ? through : best;
         }
         if (c->whole) return best * (1 << l);
     }
@@ -365,7 +457,7 @@ static void order_cells(void *user, int task)
     const int end = (task + 1) * CHUNK < j->ncell ? (task + 1) * CHUNK : j->ncell;
     corners around[CN_MAP_LEVELS] = {0}; /* cells side by side have the same */
     for (int c = task * CHUNK; c < end; c++)
-        j->cell[c].distance = (float)upper(j->map, j->cell[c].id, around);
+        j->cell[c].distance = (float)upper(j, j->cell[c].id, around);
 }
 
 static void measure_cells(void *user, int task)
@@ -419,17 +511,6 @@ static cn_status sort_cells(job *j)
     return CN_OK;
 }
 
-static void find_adjacent(job *j)
-{
-    for (int a = 0; a < 27; a++)
-        for (int b = 0; b < 27; b++) {
-            const int dx = abs(a % 3 - b % 3), dy = abs(a / 3 % 3 - b / 3 % 3), dz = abs(a / 9 - b / 9);
-            if (a == b || a == 13 || b == 13) continue;
-            if (dx <= 1 && dy <= 1 && dz <= 1) j->adjacent26[a] |= 1u << b;
-            if (dx + dy + dz == 1) j->adjacent6[a] |= 1u << b;
-        }
-}
-
 static bool find_beside(job *j)
 {
     const cn_map_level *level = j->map->level;
@@ -438,7 +519,8 @@ static bool find_beside(job *j)
         for (int n = 0; n < 27; n++) {
             int q[3];
             neighbour(level->place[b], n, q);
-            j->beside[b][n] = cn_map_brick_at(level, q);
+            const int beside = cn_map_brick_at(level, q);
+            j->beside[b][n] = beside < 0 ? level->nbrick : beside;
         }
     return true;
 }
@@ -449,7 +531,8 @@ cn_status cn_map_find_ridge(cn_map *map, const cn_world *world, cn_pool *pool)
     cn_status status = CN_ERR_MEMORY;
     int *twig = NULL;
     if (map->bare) return CN_OK;
-    find_adjacent(&j);
+    for (int i = 0; i < ROOTS; i++)
+        j.root[i] = sqrt(i);
     if (!(j.ridge = calloc((size_t)map->level->nbrick + 1, 8 * sizeof *j.ridge)) || !find_beside(&j))
         goto done;
     for (j.level = 0; j.level < map->nlevel; j.level++) {

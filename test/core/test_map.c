@@ -114,27 +114,30 @@ static void free_cells_have_the_volume_of_what_they_fill(void **state)
 static void clearance_is_never_above_the_true_one_and_about_a_cell_below(void **state)
 {
     (void)state;
-    cn_surface_spec ball = sphere(0, 0, 0, 1), rock = sphere(0.4, 0, 0, 0.1);
-    cn_scene scene = {.nvessel = 1, .vessel = &ball, .nobstacle = 1, .obstacle = &rock};
-    cn_world *world = mapped(&scene, 0.02, 0, 1);
-    unsigned seed = 5;
-    double sum = 0, worst = 0;
-    int n = 0;
-    for (int i = 0; i < 20000; i++) {
-        const double p[3] = {random_in(&seed, -1.1, 1.1), random_in(&seed, -1.1, 1.1),
-                             random_in(&seed, -1.1, 1.1)};
-        const double map = cn_map_clearance(world->map, p), d = cn_world_distance(world, p, NULL, NULL, NULL);
-        const bool is_free = cn_world_free_at(world, p);
-        assert_true(map <= (is_free ? d : 0));
-        if (!is_free) continue;
-        const double below = (d - map) / 0.02;
-        sum += below, n++;
-        if (d < 0.12) worst = fmax(worst, below); /* within six cells of a wall */
+    for (int rock = 0; rock < 2; rock++) { /* small faces; large ones, with edges and corners nearest */
+        cn_surface_spec ball = sphere(0, 0, 0, 1), obstacle = rock ? box(0.4) : sphere(0.4, 0, 0, 0.1);
+        cn_scene scene = {.nvessel = 1, .vessel = &ball, .nobstacle = 1, .obstacle = &obstacle};
+        cn_world *world = mapped(&scene, 0.02, 0, 1);
+        unsigned seed = 5;
+        double sum = 0, worst = 0;
+        int n = 0;
+        for (int i = 0; i < 20000; i++) {
+            const double p[3] = {random_in(&seed, -1.1, 1.1), random_in(&seed, -1.1, 1.1),
+                                 random_in(&seed, -1.1, 1.1)};
+            const double map = cn_map_clearance(world->map, p),
+                         d = cn_world_distance(world, p, NULL, NULL, NULL);
+            const bool is_free = cn_world_free_at(world, p);
+            assert_true(map <= (is_free ? d : 0));
+            if (!is_free) continue;
+            const double below = (d - map) / 0.02;
+            sum += below, n++;
+            if (d < 0.12) worst = fmax(worst, below); /* within six cells of a wall */
+        }
+        assert_true(n > 5000 && sum / n < 0.35 && worst < 2);
+        assert_true(cn_map_clearance(world->map, (double[3]){NAN, 0, 0}) == 0);
+        assert_true(cn_map_clearance(world->map, (double[3]){1e30, 0, 0}) == 0);
+        cn_world_free(world);
     }
-    assert_true(n > 5000 && sum / n < 0.35 && worst < 2);
-    assert_true(cn_map_clearance(world->map, (double[3]){NAN, 0, 0}) == 0);
-    assert_true(cn_map_clearance(world->map, (double[3]){1e30, 0, 0}) == 0);
-    cn_world_free(world);
 }
 
 static void the_ridge_of_a_tube_is_its_axis(void **state)
