@@ -1,5 +1,6 @@
-/* octree.h - the free space as a pruned OctoMap tree, and its medial axis as a second one: what the planner
- * draws samples from and asks for membership. src/octomap behind a C header: no exception crosses it.
+/* octree.h - the free space as the leaves of a pruned octree, which the planner draws samples from and asks
+ * for membership, and as an OctoMap tree beside one of its medial axis. src/octomap behind a C header: no
+ * exception crosses it.
  *
  * Trees lie in the map's frame (cell 0 0 0 at OctoMap's origin, so that the map's cubes are the tree's own
  * leaves); every call here takes and gives points in the world's frame [m]. */
@@ -16,8 +17,8 @@ extern "C" {
 
 typedef struct cn_octree cn_octree;
 
-/* Builds both trees from a map, leaf by leaf; the map must outlive it. CN_ERR_ARG: more than 32,768 cells a
- * side. Const afterwards: threads may share it. */
+/* Lists the leaves of a map, which must outlive it; OctoMap's trees are made by the first call that needs
+ * them (written, ridge and memory below). CN_ERR_ARG: more than 32,768 cells a side. Threads may share it. */
 cn_status cn_octree_new(cn_octree **out, const cn_map *map, cn_error *error);
 void cn_octree_free(cn_octree *octree); /* NULL is fine */
 

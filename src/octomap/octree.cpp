@@ -1,5 +1,6 @@
-// octree.cpp - the map's free cubes as leaves of an OctoMap tree. Each leaf is created at its place on the
-// way down from the root, whose last branch is kept: no updateNode, no pruning, no value but the leaf's own.
+// octree.cpp - the map's free cubes: a list in the order of their places, which samples and membership are
+// taken from, and as leaves of an OctoMap tree, made when first asked for. Each leaf is created at its place
+// on the way down from the root, whose last branch is kept: no updateNode, no pruning, no value but its own.
 #include "catnav/octree.h"
 
 #include <octomap/octomap.h>
@@ -8,6 +9,7 @@
 #include <cmath>
 #include <fstream>
 #include <memory>
+#include <mutex>
 #include <new>
 #include <vector>
 
@@ -80,9 +82,10 @@ struct Cube {
 struct cn_octree {
     const cn_map *map;
     double cell, origin[3];
-    std::unique_ptr<Tree> lumen, ridge;
-    std::vector<Cube> cube;         // leaves of the lumen, in visiting order
+    std::vector<Cube> cube;         // free cubes in visiting order: by the bits of z, y, x in turn
     std::vector<double> cells_upto; // cells in cubes 0..i: to draw one by volume
+    mutable std::once_flag made;    // the trees:
+    mutable std::unique_ptr<Tree> lumen, ridge;
 };
 
 namespace
@@ -93,6 +96,17 @@ void index_of(const cn_octree *octree, const double p[3], int cell[3])
         const double i = std::floor((p[k] - octree->origin[k]) / octree->cell);
         cell[k] = i >= -middle && i < middle ? int(i) : -middle - 1; // NaN too: nowhere
     }
+}
+
+// Does place a come before b in the order of the cubes? The highest bit in which they differ decides.
+bool before(const int a[3], const int b[3])
+{
+    int axis = 2, most = a[2] ^ b[2];
+    for (int k = 1; k >= 0; k--) {
+        const int x = a[k] ^ b[k];
+        if (most < x && most < (most ^ x)) most = x, axis = k;
+    }
+    return a[axis] < b[axis];
 }
 
 struct Build {
@@ -106,7 +120,6 @@ extern "C" void visit_cube(void *user, const int corner[3], int level)
     if (build->failed) return;
     try {
         cn_octree *o = build->octree;
-        o->lumen->add(corner, level, o->lumen->getClampingThresMinLog());
         o->cube.push_back({{(unsigned short)corner[0], (unsigned short)corner[1], (unsigned short)corner[2]},
                            (unsigned short)level});
         o->cells_upto.push_back((o->cells_upto.empty() ? 0 : o->cells_upto.back()) +
@@ -116,15 +129,14 @@ extern "C" void visit_cube(void *user, const int corner[3], int level)
     }
 }
 
-void build(cn_octree *octree, bool &failed)
+void makeTrees(const cn_octree *octree)
 {
-    octree->lumen.reset(new Tree(octree->cell));
-    octree->ridge.reset(new Tree(octree->cell));
-    Build state = {octree, false};
-    cn_map_visit_cubes(octree->map, visit_cube, &state);
-    octree->cube.shrink_to_fit();
-    octree->cells_upto.shrink_to_fit();
-    octree->lumen->updateInnerOccupancy();
+    std::unique_ptr<Tree> lumen(new Tree(octree->cell)), ridge(new Tree(octree->cell));
+    for (const Cube &cube : octree->cube) {
+        const int corner[3] = {cube.corner[0], cube.corner[1], cube.corner[2]};
+        lumen->add(corner, cube.level, lumen->getClampingThresMinLog());
+    }
+    lumen->updateInnerOccupancy();
 
     const double *x, *clearance;
     const int n = cn_map_ridge(octree->map, &x, &clearance);
@@ -132,10 +144,21 @@ void build(cn_octree *octree, bool &failed)
         int cell[3];
         index_of(octree, x + 3 * i, cell);
         if (cell[0] >= 0 && cell[1] >= 0 && cell[2] >= 0)
-            octree->ridge->add(cell, 0, octree->ridge->getClampingThresMaxLog());
+            ridge->add(cell, 0, ridge->getClampingThresMaxLog());
     }
-    octree->ridge->updateInnerOccupancy();
-    failed = state.failed;
+    ridge->updateInnerOccupancy();
+    octree->lumen = std::move(lumen), octree->ridge = std::move(ridge);
+}
+
+// Makes the trees unless they are there; false: out of memory, and the next call tries again.
+bool haveTrees(const cn_octree *octree)
+{
+    try {
+        std::call_once(octree->made, makeTrees, octree);
+        return true;
+    } catch (const std::exception &) {
+        return false;
+    }
 }
 } // namespace
 
@@ -146,7 +169,6 @@ cn_status cn_octree_new(cn_octree **out, const cn_map *map, cn_error *error)
     try {
         std::unique_ptr<cn_octree> octree(new cn_octree());
         int size[3];
-        bool failed = false;
         octree->map = map;
         octree->cell = cn_map_cell(map);
         cn_map_frame(map, octree->origin, size);
@@ -154,8 +176,9 @@ cn_status cn_octree_new(cn_octree **out, const cn_map *map, cn_error *error)
             return cn_fail(error, CN_ERR_ARG, nullptr, 0,
                            "the map has more than %d cells a side: set planner.resolution to a larger cell",
                            middle);
-        build(octree.get(), failed);
-        if (failed) throw std::bad_alloc();
+        Build state = {octree.get(), false};
+        cn_map_visit_cubes(map, visit_cube, &state);
+        if (state.failed) throw std::bad_alloc();
         *out = octree.release();
         return CN_OK;
     } catch (const std::bad_alloc &) {
@@ -184,12 +207,12 @@ size_t cn_octree_leaves(const cn_octree *octree)
 }
 size_t cn_octree_ridge_leaves(const cn_octree *octree)
 {
-    return octree->ridge->getNumLeafNodes();
+    return haveTrees(octree) ? octree->ridge->getNumLeafNodes() : 0;
 }
 
 size_t cn_octree_memory(const cn_octree *octree)
 {
-    return octree->lumen->memoryUsage() + octree->ridge->memoryUsage() +
+    return (haveTrees(octree) ? octree->lumen->memoryUsage() + octree->ridge->memoryUsage() : 0) +
            octree->cube.capacity() * sizeof(Cube) + octree->cells_upto.capacity() * sizeof(double);
 }
 
@@ -204,14 +227,29 @@ bool cn_octree_free_at(const cn_octree *octree, const double p[3])
 {
     int cell[3];
     index_of(octree, p, cell);
-    return octree->lumen->has(cell);
+    if (cell[0] < 0 || cell[1] < 0 || cell[2] < 0) return false;
+    size_t low = 0, high = octree->cube.size(); // the last cube that does not come after the cell
+    while (low < high) {
+        const size_t half = low + (high - low) / 2;
+        const Cube &cube = octree->cube[half];
+        const int corner[3] = {cube.corner[0], cube.corner[1], cube.corner[2]};
+        if (before(cell, corner))
+            high = half;
+        else
+            low = half + 1;
+    }
+    if (low == 0) return false;
+    const Cube &cube = octree->cube[low - 1];
+    return cell[0] >> cube.level == cube.corner[0] >> cube.level &&
+           cell[1] >> cube.level == cube.corner[1] >> cube.level &&
+           cell[2] >> cube.level == cube.corner[2] >> cube.level;
 }
 
 bool cn_octree_ridge_at(const cn_octree *octree, const double p[3])
 {
     int cell[3];
     index_of(octree, p, cell);
-    return octree->ridge->has(cell);
+    return haveTrees(octree) && octree->ridge->has(cell);
 }
 
 void cn_octree_sample(const cn_octree *octree, const double u[4], double p[3])
@@ -230,6 +268,7 @@ void cn_octree_sample(const cn_octree *octree, const double u[4], double p[3])
 cn_status cn_octree_write(const cn_octree *octree, const char *path, cn_error *error)
 {
     try {
+        if (!haveTrees(octree)) throw std::bad_alloc();
         Tree both(*octree->lumen);
         const float occupied = both.getClampingThresMaxLog();
         for (auto it = octree->ridge->begin_leafs(); it != octree->ridge->end_leafs(); ++it)

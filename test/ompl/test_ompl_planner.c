@@ -395,6 +395,16 @@ static void the_octree_is_the_free_space(void **state)
         wrong += cn_octree_free_at(octree, p) != cn_world_free_at(c.world, p);
     }
     assert_int_equal(wrong, 0);
+    long inside = 0; /* each cell of its cubes is found, and no other */
+    for (int i = 0; i < size[0] * size[1] * size[2]; i++) {
+        const int at[3] = {i % size[0], i / size[0] % size[1], i / size[0] / size[1]};
+        double p[3];
+        for (int k = 0; k < 3; k++)
+            p[k] = origin[k] + (at[k] + 0.5) * cell;
+        inside += cn_octree_free_at(octree, p);
+    }
+    assert_true(fabs(cn_octree_volume(octree) / (cell * cell * cell) - (double)inside) <
+                1e-6 * (double)inside);
     assert_false(cn_octree_free_at(octree, (double[3]){NAN, 0, 0}));
     assert_false(cn_octree_free_at(octree, (double[3]){1e9, 0, 0}));
     const double volume = 0.06 * 0.03 * 0.01 - 0.02 * 0.018 * 0.01;
