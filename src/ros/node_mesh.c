@@ -38,7 +38,8 @@ void stage_drop(cn_node *node, stage *s)
 static void tell_mapping(cn_node *node, bool requested)
 {
     pthread_mutex_lock(&node->lock);
-    if (node->preparing && requested == (node->now.request->scene[0] != 0))
+    if (node->preparing && node->progress.stage == CN_STAGE_MESH &&
+        requested == (node->now.request->scene[0] != 0))
         node->progress.stage = CN_STAGE_MAP;
     pthread_mutex_unlock(&node->lock);
 }

@@ -78,13 +78,13 @@ struct cn_node {
     bool leaving;      /* no call is taken any more */
     int nqueue, queue; /* calls that wait; most of them: 0 where a call is refused while another is open */
     ticket waiting[QUEUE_MOST];
-    ticket now;                      /* worked on */
-    bool open;                       /* and not yet answered */
-    bool answering;                  /* a cancel is answering it */
-    bool preparing;                  /* its scene and map are made, which nothing can cut short */
-    int fault;                       /* of that refusal */
-    char refusal[1024];              /* why the last mesh or the scene was refused, "" when it was not */
-    double frame_period;             /* [s] */
+    ticket now;          /* worked on */
+    bool open;           /* and not yet answered */
+    bool answering;      /* a cancel is answering it */
+    bool preparing;      /* nothing moves yet: scene, map, path; a cancel does not wait for them */
+    int fault;           /* of that refusal */
+    char refusal[1024];  /* why the last mesh or the scene was refused, "" when it was not */
+    double frame_period; /* [s] */
     int frames_sent, frames_dropped; /* dropped on purpose: more often than ~frame_rate */
     int frames_told;                 /* sent when diagnostics were last filled, */
     double told;                     /* at this time [s] */

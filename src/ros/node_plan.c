@@ -197,7 +197,7 @@ static stage *stage_for(cn_node *node, const cn_ros_request *request, cn_ros_ans
     return s;
 }
 
-/* Sets whether the call's scene is being prepared; true when the call has been cancelled. */
+/* Sets whether the call's scene, map and path are still being made; true when it has been cancelled. */
 static bool preparing(cn_node *node, bool now)
 {
     pthread_mutex_lock(&node->lock);
@@ -242,7 +242,7 @@ void plan_call(cn_node *node, const cn_ros_request *request, cn_ros_answer *answ
     snprintf(node->run_frame, sizeof node->run_frame, "%s", answer->frame);
     bool cancelled = preparing(node, true);
     if (!cancelled) s = stage_for(node, request, answer, &into);
-    cancelled |= preparing(node, false);
+    cancelled |= preparing(node, true);
     pthread_mutex_lock(&node->lock);
     const cn_ros_tuning tuning = node->tuning;
     pthread_mutex_unlock(&node->lock);
@@ -253,6 +253,7 @@ void plan_call(cn_node *node, const cn_ros_request *request, cn_ros_answer *answ
     } else if (s) {
         plan_moved(node, s, request, &into, &tuning, answer);
     }
+    preparing(node, false);
 
     pthread_mutex_lock(&node->lock);
     if (s && s != node->foreign && node->refusal[0] &&

@@ -35,6 +35,7 @@ bool wants_frame(cn_node *node, int step)
         node->frames_sent++;
     else
         node->frames_dropped++;
+    node->preparing = false; /* it moves: a cancel is answered with what was reached */
     pthread_mutex_unlock(&node->lock);
     return wanted;
 }

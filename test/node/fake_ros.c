@@ -21,6 +21,8 @@ static struct {
     volatile sig_atomic_t stop;
     cn_ros_call last;
     slot slots[CALLS_MOST];
+    void (*planning)(void *user);
+    void *planning_user;
     char wrong[256];
 } fake = {.lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER};
 
@@ -315,6 +317,7 @@ cn_status cn_octree_attach(cn_world *world, cn_error *error)
 }
 cn_status cn_ompl_planner(const cn_plan_query *query, cn_roadmap *roadmap, cn_error *error)
 {
+    if (fake.planning) fake.planning(fake.planning_user);
     for (int i = 1; i < query->npoint; i++)
         if (!cn_plan_edge_free(query, query->point + 3 * i - 3, query->point + 3 * i,
                                query->radius + query->spec->clearance, 1))
@@ -331,6 +334,11 @@ cn_status cn_ompl_planner(const cn_plan_query *query, cn_roadmap *roadmap, cn_er
 }
 
 /* --- for tests --- */
+void fake_planning(void (*call)(void *user), void *user)
+{
+    fake.planning = call, fake.planning_user = user;
+}
+
 cn_status fake_node(cn_node **out, const char *scene, const char *scene_dir, const cn_setting *parameter,
                     cn_error *error)
 {

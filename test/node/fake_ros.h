@@ -31,6 +31,9 @@ cn_ros_call fake_plan(const cn_ros_request *request);
 fake_answer fake_await(cn_ros_call call); /* answered and ended */
 fake_answer fake_ask(const cn_ros_request *request);
 
+/* Called whenever a way is sought, by the thread that does; NULL: no longer. */
+void fake_planning(void (*call)(void *user), void *user);
+
 /* What was sent so far that must not be; "" where all was well. */
 const char *fake_wrong(void);
 

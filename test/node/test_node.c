@@ -366,6 +366,38 @@ static void test_a_cancel_while_a_map_is_made_is_answered_and_the_next_call_serv
     assert_string_equal(fake_wrong(), "");
 }
 
+typedef struct {
+    cn_node *node;
+    bool answered, waited; /* before the way was there */
+} canceller;
+
+static void cancel_now(void *user)
+{
+    canceller *c = user;
+    pthread_mutex_lock(&c->node->lock);
+    const cn_ros_call call = c->node->now.call;
+    pthread_mutex_unlock(&c->node->lock);
+    fake_handlers()->cancel(c->node, call);
+    pthread_mutex_lock(&c->node->lock);
+    c->answered = !c->node->open, c->waited = c->node->preparing;
+    pthread_mutex_unlock(&c->node->lock);
+}
+
+static void test_a_cancel_while_a_way_is_sought_does_not_wait_for_it(void **state)
+{
+    (void)state;
+    cn_node *node = new_node(small);
+    canceller c = {.node = node};
+    cn_ros_request r = request();
+    fake_planning(cancel_now, &c);
+    expect(r, CN_VERDICT_CANCELLED, "before the first step");
+    fake_planning(NULL, NULL);
+    assert_true(c.answered && c.waited);
+    expect(r, CN_VERDICT_TIMEOUT, "");
+    fake_node_free(node);
+    assert_string_equal(fake_wrong(), "");
+}
+
 /* --- without memory --- */
 
 /* One of everything. What is not answered, or ended twice, fake_wrong says. */
@@ -514,6 +546,7 @@ int main(void)
         cmocka_unit_test(test_a_requested_scene_follows_no_path_out_of_its_folders),
         cmocka_unit_test(test_a_bad_mesh_message_is_refused_and_the_mesh_before_it_stays),
         cmocka_unit_test(test_a_cancel_while_a_map_is_made_is_answered_and_the_next_call_served),
+        cmocka_unit_test(test_a_cancel_while_a_way_is_sought_does_not_wait_for_it),
         cmocka_unit_test(test_where_memory_ends_a_call_is_answered_and_the_next_one_served),
         cmocka_unit_test(test_64_clients_that_are_refused_while_a_plan_runs_get_one_answer_a_call),
         cmocka_unit_test(test_64_clients_that_wait_in_a_queue_get_one_answer_a_call),
