@@ -141,23 +141,32 @@ typedef struct {
 #ifdef __SANITIZE_THREAD__
 #define CLONES /* the loader picks clones before that sanitizer is awake */
 #else
-#define CLONES __attribute__((target_clones("default", "avx2")))
+#define CLONES __attribute__((target_clones("default", "avx2", "arch=x86-64-v4")))
 #endif
+
+/* The larger of each two lanes of a, then of b. */
+LANE_BY_LANE lanes pairs(lanes a, lanes b)
+{
+    return each_most(__builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14),
+                     __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15));
+}
 
 /* Tightens the rows' bounds; returns the largest. */
 CLONES static float largest(rows *field)
 {
-    float all = 0;
-    for (int r = 0; r < ROWS; r++) {
-        const float *f = (const float *)(field->best + r);
-        float m[4] = {f[0], f[1], f[2], f[3]};
-        for (int i = 4; i < LANES; i++)
-            m[i & 3] = f[i] > m[i & 3] ? f[i] : m[i & 3];
-        const float low = m[0] > m[1] ? m[0] : m[1], high = m[2] > m[3] ? m[2] : m[3];
-        field->most[r] = low > high ? low : high;
-        all = field->most[r] > all ? field->most[r] : all;
+    lanes all = {0};
+    float most = 0;
+    for (int r = 0; r < ROWS; r += LANES) {
+        const lanes *f = field->best + r;
+        const lanes four[2] = {pairs(pairs(f[0], f[1]), pairs(f[2], f[3])),
+                               pairs(pairs(f[4], f[5]), pairs(f[6], f[7]))};
+        const lanes eight = pairs(four[0], four[1]);
+        memcpy(field->most + r, &eight, sizeof eight);
+        all = each_most(all, eight);
     }
-    return all;
+    for (int i = 0; i < LANES; i++)
+        most = MOST(all[i], most);
+    return most;
 }
 
 /* A triangle, in samples from the brick's. */
@@ -283,6 +292,11 @@ static int near_triangles(const job *j, const int place[3], near **list, int *ro
             for (at[0] = low[0]; at[0] <= high[0]; at[0]++) {
                 const int64_t p = ((int64_t)at[2] * level->size[1] + at[1]) * level->size[0] + at[0];
                 for (int i = j->start[p]; i < j->start[p + 1]; i++) {
+                    const int *tlow = j->low[j->item[i]];
+                    int later = 0; /* than the first of the places in which this triangle is listed */
+                    for (int k = 0; k < 3; k++)
+                        later |= at[k] ^ MOST(tlow[k], low[k]);
+                    if (later) continue;
                     const float *box = j->box[j->item[i]];
                     float gap2 = 0;
                     for (int k = 0; k < 3; k++) {
@@ -291,11 +305,6 @@ static int near_triangles(const job *j, const int place[3], near **list, int *ro
                         gap2 += gap * gap;
                     }
                     if (gap2 > (float)(CN_MAP_BAND * CN_MAP_BAND)) continue;
-                    const int *tlow = j->low[j->item[i]];
-                    bool first = true; /* of the places in which this triangle is listed */
-                    for (int k = 0; k < 3; k++)
-                        first = first && at[k] == MOST(tlow[k], low[k]);
-                    if (!first) continue;
                     if (n == *room) {
                         near *more = realloc(*list, (size_t)(*room + 512) * 2 * sizeof *more);
                         if (!more) return -1;
@@ -340,7 +349,7 @@ static void measure_brick(const job *j, int brick, const near *list, const int *
         field.best[r] = (lanes){0} + most, field.most[r] = most;
     for (int i = 0; i < n; i++) {
         const near *candidate = list + order[i];
-        if (i % 4 == 3) most = largest(&field);
+        if (i % 2 == 1) most = largest(&field);
         if (candidate->gap2 >= most) continue;
         double v[3][3];
         facet f;
