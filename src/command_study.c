@@ -216,6 +216,36 @@ static int study_detection(int argc, char **argv)
     return COMMAND_OK;
 }
 
+/* Cook's membrane against its mesh, as CSV. */
+static int study_cook(int argc, char **argv)
+{
+    int cells = 32;
+    bool stress = false;
+    const option_t options[] = {{"--cells", OPTION_COUNT, &cells}, {"--stress", OPTION_FLAG, &stress}, {0}};
+    const char *word;
+    char *end;
+    if (!command_options(&command_study, argc, argv, options, "POISSON", &word)) return COMMAND_REFUSED;
+    const double poisson = strtod(word, &end);
+    if (*end || !(poisson >= 0 && poisson < 0.5) || cells < 2 || cells > 256) {
+        fprintf(stderr,
+                "catnav study cook: POISSON is a number from 0 to below 0.5, --cells one from 2 to 256\n");
+        return COMMAND_REFUSED;
+    }
+    puts("model,cells,nodes,dof,corner,middle,seconds");
+    for (int quadratic = 0; quadratic <= 1; quadratic++)
+        for (int n = 2; n <= (quadratic ? cells / 2 : cells); n *= 2) {
+            cn_cook cook;
+            const cn_status status = cn_study_cook(n, quadratic, !stress, poisson, &cook);
+            if (status != CN_OK) {
+                fprintf(stderr, "catnav study: %d cells: %s\n", n, cn_status_text(status));
+                return COMMAND_FAILED;
+            }
+            printf("%s,%d,%d,%d,%.9g,%.9g,%.6g\n", quadratic ? "tet10" : "tet4", n, cook.nodes, cook.dof,
+                   cook.corner, cook.middle, cook.seconds);
+        }
+    return COMMAND_OK;
+}
+
 static int study_one(int argc, char **argv)
 {
     if (argc > 0 && !strcmp(argv[0], "table1")) return study_program("table1.py", argc - 1, argv + 1);
@@ -228,6 +258,7 @@ static int study_one(int argc, char **argv)
         return command_study_skin(argc - 1, argv + 1);
     }
     if (argc > 0 && !strcmp(argv[0], "detection")) return study_detection(argc - 1, argv + 1);
+    if (argc > 0 && !strcmp(argv[0], "cook")) return study_cook(argc - 1, argv + 1);
     if (argc > 0) return strcmp(argv[0], "paper") ? study_all(argc, argv) : study_paper(argc - 1, argv + 1);
     fputs("usage: catnav study DIR [options], or catnav study paper SCENE.yaml [options];\n"
           "see catnav study --help\n",
@@ -244,6 +275,7 @@ static const char help[] =
     "        [--threads N] [--quiet]\n"
     "    catnav study device SCENE.yaml [--closeness E] [--seconds S] [--out DIR] [--threads N]\n"
     "    catnav study detection TRIANGLES\n"
+    "    catnav study cook POISSON [--cells N] [--stress]\n"
     "    catnav study table1 [--scenes NAME,...] [--seconds S] [--steps N] [--states N] [--whole]\n"
     "        [--out DIR] [--threads N]\n"
     "    catnav study skin speed|bezier|smooth [REPEATS]\n"
@@ -277,6 +309,10 @@ static const char help[] =
     "    detection\n"
     "            Prints as CSV what building, refitting and querying the AABB tree of surfaces costs, from\n"
     "            1,000 to TRIANGLES triangles.\n\n"
+    "    cook    Prints as CSV the deflection of Cook's membrane by tet4 with 2 to N cells a side (32) and "
+    "by\n"
+    "            tet10 with half as many, in plane strain or --stress, E and force 1, and the time it "
+    "took.\n\n"
     "    table1  Runs the first paper's scenes (bear, snake, fish, artery) whole by their own method; the\n"
     "            paper's goes on from three states of that run (--whole: from its start to its end). Prints\n"
     "            its Table 1 with our columns beside it, what is reckoned from those steps marked by ~:\n"

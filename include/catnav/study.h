@@ -74,6 +74,17 @@ typedef struct {
 } cn_detection_cost;
 cn_status cn_study_detection(int ntri, cn_detection_cost *cost);
 
+/* Cook's membrane (Cook, J. Struct. Div. ASCE 100, 1974): corners (0,0) (48,44) (48,60) (0,44), held on the
+ * left, sheared by 1 per thickness on the right; E = 1; small strains. */
+typedef struct {
+    int nodes, dof;
+    double corner, middle; /* vertical displacement of (48,60) and (48,52) */
+    double seconds;        /* of this process: body, matrix, analysis, factor, solve */
+} cn_cook;
+/* `cells` (even, 2 to 256) a side, one through the thickness, of linear or second-order tetrahedra, in plane
+ * strain or plane stress. CN_ERR_ARG, CN_ERR_MEMORY. */
+cn_status cn_study_cook(int cells, bool quadratic, bool strain, double poisson, cn_cook *cook);
+
 #ifdef __cplusplus
 }
 #endif

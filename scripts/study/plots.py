@@ -30,6 +30,7 @@ def draw(study, part, found):
     """The pictures of a part of the study, from what it returned."""
     if part == "accuracy":
         stiffness(study, study.stiffness)
+        cook(study, study.cook)
         for problem, rows in found:
             error_against_time(study, problem, rows)
     elif part == "stability":
@@ -115,6 +116,25 @@ def stiffness(study, rows):
     all_axes[2].legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
     figure.tight_layout()
     save(figure, study, "stiffness")
+
+
+def cook(study, rows):
+    """Error of the corner's deflection of Cook's membrane against time and unknowns, a column for each nu."""
+    cases = list(dict.fromkeys((row["plane"], row["nu"]) for row in rows))
+    if not cases:
+        return
+    figure, grid = plt.subplots(2, len(cases), figsize=(2.6 * len(cases) + 1, 5.0), sharey=True, squeeze=False)
+    for column, (plane, nu) in enumerate(cases):
+        for axes, key, label in ((grid[0][column], "total_s", "time [s]"), (grid[1][column], "dof", "unknowns [-]")):
+            for model in ("tet4", "tet10"):
+                line = [row for row in rows if row["model"] == model and (row["plane"], row["nu"]) == (plane, nu)]
+                axes.plot([row[key] for row in line], [shown(row) for row in line], color=COLOUR[model],
+                          linestyle=LINE[model], marker="o", markersize=4, label=model)
+            axes.set(xscale="log", yscale="log", xlabel=label, ylabel="" if column else "error of the corner [-]",
+                     title="plane %s, nu = %.4g" % (plane, nu) if key == "total_s" else "")
+    grid[0][-1].legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
+    figure.tight_layout()
+    save(figure, study, "cook")
 
 
 # Result -> grey level that orders them in print, colour, letter

@@ -214,6 +214,17 @@ class Everything(unittest.TestCase):
         self.assertTrue(all("deep, near" in row["message"] for row in deep if row["method"] == "strict"))
         self.assertTrue(all(row["result"] == "held" for row in hard if "deep" not in row["case"]))
 
+    def test_cook_s_membrane_is_a_curve_for_every_poisson_s_ratio(self):
+        rows = self.rows("cook")
+        self.assertEqual({round(row["nu"], 4) for row in rows}, {0.3, 0.3333, 0.49, 0.499, 0.4999})
+        for nu in {row["nu"] for row in rows}:
+            errors = {model: [row["error"] for row in rows if (row["model"], row["nu"]) == (model, nu)]
+                      for model in ("tet4", "tet10")}
+            self.assertTrue(all(len(e) > 2 and e == sorted(e, reverse=True) for e in errors.values()), errors)
+            self.assertLess(errors["tet10"][-1], 0.03 if nu < 0.4999 else 0.05)
+            self.assertLess(errors["tet10"][-1], 0.5 * errors["tet4"][-1])
+        self.assertIn("POISSON", Study.run_it(self, "cook", "0.5", status=1).stderr)
+
     def test_detection_is_measured_against_triangles(self):
         rows = self.rows("detection")
         self.assertGreater(len(rows), 3)

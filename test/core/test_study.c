@@ -284,6 +284,26 @@ static void csv_and_json_hold_the_same_figures_and_undefined_ones_as_nothing(voi
     put_away(&b);
 }
 
+/* Plane stress: the published 23.96; plane strain at 0.499: the reference's computation in two dimensions. */
+static void cook_s_membrane_bends_as_published(void **state)
+{
+    (void)state;
+    cn_cook linear, quadratic;
+    assert_int_equal(cn_study_cook(16, false, false, 1.0 / 3, &linear), CN_OK);
+    assert_int_equal(cn_study_cook(8, true, false, 1.0 / 3, &quadratic), CN_OK);
+    assert_true(fabs(quadratic.middle / 23.96 - 1) < 0.005 && linear.middle < quadratic.middle);
+    assert_true(linear.nodes == 17 * 17 * 2 && quadratic.dof < 3 * quadratic.nodes);
+    assert_int_equal(cn_study_cook(16, false, true, 0.499, &linear), CN_OK);
+    assert_int_equal(cn_study_cook(16, true, true, 0.499, &quadratic), CN_OK);
+    assert_true(fabs(quadratic.corner / (2.5 * 7.7771833) - 1) < 0.02);
+    assert_true(linear.corner < 0.96 * quadratic.corner); /* far stiffer, on the same mesh */
+    assert_int_equal(cn_study_cook(3, true, true, 0.3, &linear), CN_ERR_ARG);
+    assert_int_equal(cn_study_cook(0, true, true, 0.3, &linear), CN_ERR_ARG);
+    assert_int_equal(cn_study_cook(4, true, true, 0.5, &linear), CN_ERR_ARG);
+    assert_int_equal(cn_study_cook(4, true, true, NAN, &linear), CN_ERR_ARG);
+    assert_true(isnan(linear.corner));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -294,6 +314,7 @@ int main(void)
         cmocka_unit_test(a_run_that_comes_to_nothing_says_why_and_has_no_states),
         cmocka_unit_test(a_study_can_be_cancelled_in_the_run_and_between_steps),
         cmocka_unit_test(csv_and_json_hold_the_same_figures_and_undefined_ones_as_nothing),
+        cmocka_unit_test(cook_s_membrane_bends_as_published),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
