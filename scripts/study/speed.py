@@ -129,6 +129,9 @@ def step_times(study):
     return rows
 
 
+LARGE = 29000  # elements from which on a matrix of tet10 (96 MB) fits no cache
+
+
 def cost(study):
     """One body of each kind of growth, clamped and pulled down by its weight, in sizes from 1,000 elements."""
     rows = []
@@ -146,9 +149,10 @@ def cost(study):
     fits = {}
     for model, shape in dict.fromkeys((row["model"], row["shape"]) for row in rows):
         line = [row for row in rows if (row["model"], row["shape"]) == (model, shape) and row["status"] == "ran"]
-        fits[model, shape] = tuple(exponent(line, key) for key in ("step_ms", "memory_mib"))
+        large = [row for row in line if row["elements"] >= LARGE]
+        fits[model, shape] = (*(exponent(line, key) for key in ("step_ms", "memory_mib")), exponent(large, "step_ms"))
         for row in line:
-            row["exponent_time"], row["exponent_memory"] = fits[model, shape]
+            row["exponent_time"], row["exponent_memory"], row["exponent_time_large"] = fits[model, shape]
     return rows, fits
 
 
