@@ -7,6 +7,7 @@
 #include <string.h>
 #include <time.h>
 #include "body_wall.h"
+#include "catnav/plan.h"
 #include "catnav/vec3.h"
 
 double cn_step_seconds(void)
@@ -422,7 +423,7 @@ cn_status cn_stage_minimise(const cn_group *g, cn_step_figures *figures)
 
     for (int done = 0;; done++) {
         if (!isfinite(energy)) return CN_ERR_NOT_FINITE;
-        if (work->cancel && *work->cancel) return CN_ERR_CANCELLED;
+        if (cn_cancelled(work->cancel)) return CN_ERR_CANCELLED;
         const bool arrived = !(work->moving && work->way_left > 1e-9); /* walls that move */
         double over = excess(g, true);
         if (done == 0 && rubs(g)) enough = fmax(1, LAGGED * over);
