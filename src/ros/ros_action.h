@@ -42,9 +42,13 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
     }
 
   private:
-    static constexpr double rate = 200;     // [1/s]: goals looked at; more than that waits, then drops
-    static constexpr size_t kept = 128;     // ended goals in the status list at most: twice as many as wait
-    static constexpr double between = 0.02; // [s]: two status messages
+    static constexpr double rate = 200; // [1/s]: goals looked at; more than that waits, then drops
+    // What has ended stays in the status list for so long [s] where there is more than `kept` of it: a client
+    // whose goal leaves the list before it has read the result takes it for lost. Never more than `most`.
+    static constexpr double seen = 2;
+    static constexpr size_t kept = 128, most = 1024;
+    static constexpr size_t kept_cancels = 64;  // of goals that have not come
+    static constexpr double between = 0.02;     // [s]: two status messages
     static constexpr double status_rate = 10.0; // [1/s]
 
     void initialize() override
@@ -80,20 +84,28 @@ class ActionServer : public actionlib::ActionServerBase<PlanCatheterAction>
         forget();
     }
 
-    // Goals that ended long ago, and the oldest ended ones where there are many.
+    // What ended long ago, and what ended a while ago where there is much of it. The list is in the order of
+    // coming, which is not that of ending.
     void forget()
     {
+        const auto is_cancel = [](const auto &entry) {
+            return entry.status_.status == actionlib_msgs::GoalStatus::RECALLING;
+        };
         const ros::Time now = ros::Time::now();
-        size_t many = status_list_.size() > kept ? status_list_.size() - kept : 0;
+        size_t cancels = size_t(std::count_if(status_list_.begin(), status_list_.end(), is_cancel));
+        size_t goals = status_list_.size() - cancels;
         for (auto i = status_list_.begin(); i != status_list_.end();) {
             const bool ended = i->handle_tracker_.expired() && !i->handle_destruction_time_.isZero();
+            const ros::Duration past = now - i->handle_destruction_time_;
+            const bool many = is_cancel(*i) ? cancels > kept_cancels
+                                            : goals > most || (goals > kept && past > ros::Duration(seen));
             if (ended) i->goal_.reset();
-            if (!ended || (!many && i->handle_destruction_time_ + status_list_timeout_ >= now)) {
+            if (!ended || !(many || past > status_list_timeout_)) {
                 ++i;
                 continue;
             }
+            (is_cancel(*i) ? cancels : goals)--;
             i = status_list_.erase(i);
-            if (many) many--;
         }
     }
 

@@ -10,7 +10,7 @@ import unittest
 
 import rospy
 import rostest
-from actionlib_msgs.msg import GoalID, GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from catnav.msg import Limit, PlanCatheterActionGoal, PlanCatheterActionResult, PlanCatheterFeedback, Verdict
 
 from shapes import PATIENCE, ActionClient, Client, name_of, tube
@@ -171,6 +171,30 @@ class Action(unittest.TestCase):
         self.assertFalse(first.done.is_set())
         first.cancel()
         self.ended(first, GoalStatus.PREEMPTED, Verdict.CANCELLED)
+
+    def test_a_goal_that_waited_while_many_were_refused_stays_listed_when_it_has_ended(self):
+        first = self.patient_action.send(ROUTE)
+        self.moving(first)
+        second, third = self.patient_action.send(SHORT), self.patient_action.send(ROUTE)
+
+        def refuse(times):
+            for _ in range(times):
+                self.ended(self.patient_action.send(SHORT), GoalStatus.REJECTED, Verdict.BUSY)
+
+        refuse(140)
+        self.assertFalse(first.done.is_set())
+        first.cancel()
+        self.ended(second, GoalStatus.SUCCEEDED, Verdict.REACHED)
+        open_ = [third, self.patient_action.send(ROUTE), self.patient_action.send(ROUTE)]  # the queue is full again
+        refuse(3)
+        listed = rospy.wait_for_message('/patient/plan_action/status', GoalStatusArray, WAIT).status_list
+        for goal in open_:
+            goal.cancel()
+        # a client that has not read its result yet would take it for lost
+        self.assertIn((second.handle.comm_state_machine.action_goal.goal_id.id, GoalStatus.SUCCEEDED),
+                      [(s.goal_id.id, s.status) for s in listed])
+        for goal in open_:
+            self.assertTrue(goal.done.wait(WAIT))
 
     def test_a_goal_whose_cancel_overtook_it_is_answered_as_cancelled(self):
         results = []
